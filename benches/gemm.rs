@@ -12,7 +12,7 @@
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use elunar_benches::models::{exported, name, presets};
 use elunar_benches::peak::{self, Peak};
-use elunar_benches::samples::{Samples, measure, seconds};
+use elunar_benches::samples::{Timings, measure, seconds};
 use elunar_benches::shapes::{self, Products, StepShape, Use};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Kernel, Model};
@@ -106,7 +106,7 @@ fn inner_loop(products: &Products, shape: &StepShape, kernel: &Kernel, peak: &Pe
         return None;
     }
     let macs = shape.macs() as f64 * (all - half) as f64 / all as f64;
-    let mut fractions = Samples::default();
+    let mut fractions = Timings::default();
     for _ in 0..51 {
         let one = seconds(|| products.run(kernel, half));
         let two = seconds(|| products.run(kernel, all));
@@ -119,7 +119,7 @@ fn inner_loop(products: &Products, shape: &StepShape, kernel: &Kernel, peak: &Pe
 fn peaks() -> Table {
     let mut table = Table::new("peaks", &["instruction", "GMAC/s"]);
     for peak in peak::available() {
-        let mut samples = Samples::default();
+        let mut samples = Timings::default();
         (0..101).for_each(|_| samples.push(peak.seconds()));
         table.row(vec![peak.name.to_string(), number(samples.median().map(|s| peak.macs as f64 / s / 1e9), 1)]);
     }

@@ -10,7 +10,7 @@
 use criterion::{Criterion, SamplingMode, criterion_group, criterion_main};
 use elunar_benches::models::{exported, name, presets, tile};
 use elunar_benches::peak;
-use elunar_benches::samples::{Samples, measure, seconds};
+use elunar_benches::samples::{Timings, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::file::Operator;
 use elunar_core::nn::{Model, Runner, required};
@@ -159,8 +159,8 @@ impl Tables {
     fn add(&mut self, preset: Preset, stepper: &mut Stepper<'_, '_>, operators: &[Operator], kinds: &[String]) {
         let model = stepper.model;
         stepper.tile(); // the first one is cold
-        let mut samples = vec![Samples::default(); operators.len()];
-        let (mut begin, mut output, mut peaks) = (Samples::default(), Samples::default(), Samples::default());
+        let mut samples = vec![Timings::default(); operators.len()];
+        let (mut begin, mut output, mut peaks) = (Timings::default(), Timings::default(), Timings::default());
         let peak = peak::dot_product();
         for _ in 0..TILES {
             let times = stepper.tile();
@@ -169,7 +169,7 @@ impl Tables {
             output.push(times.output);
             peak.iter().for_each(|peak| peaks.push(peak.seconds()));
         }
-        let median = |samples: &Samples| samples.median().unwrap_or_default();
+        let median = |samples: &Timings| samples.median().unwrap_or_default();
         let mut by_kind: BTreeMap<&str, Line> = BTreeMap::new();
         let mut single = Vec::new();
         let names = names(&model);

@@ -10,14 +10,14 @@
 use criterion::measurement::WallTime;
 use criterion::{BenchmarkGroup, Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
 use elunar_benches::models::{exported, name, presets, tile};
-use elunar_benches::samples::{Samples, measure, seconds};
+use elunar_benches::samples::{Timings, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Kernel, Model, Progress, Runner, required};
 use elunar_core::tile::Shape;
 use elunar_learn::float;
 use elunar_learn::model::backend::Backend;
 use elunar_net::config::Preset;
-use elunar_scene::predict::network::Model as _;
+use elunar_scene::predict::network::TileModel as _;
 use std::path::Path;
 use std::sync::Barrier;
 use std::time::{Duration, Instant};
@@ -103,7 +103,7 @@ fn row(
     network: &str,
     kernel: &str,
     threads: usize,
-    samples: &Samples,
+    samples: &Timings,
     macs: Option<u64>,
     sizes: [String; 2],
 ) {

@@ -7,7 +7,7 @@
 use elunar_core::nn::{Kernel, required};
 use elunar_core::tile::Shape;
 use elunar_scene::predict::int8::{self, Int8Model};
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use std::error::Error;
 use std::io::{ErrorKind, Read, Write};
 use std::path::Path;

@@ -10,7 +10,7 @@ use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::step::Trainer;
 use elunar_net::config::Preset;
 use elunar_net::config::config_of;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::error::Error;
 use std::io::{BufRead, Read, Write};
 use std::path::Path;
@@ -37,7 +37,7 @@ fn serve(path: &Path, size: [&String; 3]) -> Result<(), Box<dyn Error>> {
     let size = [batch?, rows?, cols?];
     // With so many steps the cosine schedule stays constant.
     let recipe = Recipe { warm_up: 0, steps: 1_000_000_000, ..Recipe::preset(Preset::Nano) };
-    let weights = Weights::read(path)?;
+    let weights = NetWeights::read(path)?;
     let config = config_of(&weights, path)?;
     let mut trainer = Trainer::new(&config, &recipe, &weights, path, vec![Backend::Flex.device()?])?;
     let mut input = std::io::stdin().lock();

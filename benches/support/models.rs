@@ -4,7 +4,7 @@ use elunar_base::Result;
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_learn::model::init::initial_weights;
 use elunar_net::config::{NetConfig, Preset};
-use elunar_net::export::{CalibrationTile, Options, Precision, export};
+use elunar_net::export::{CalibrationTile, CompileOptions, MapBits, export};
 use std::path::Path;
 
 /// Seed of the weights, on which time does not depend.
@@ -50,6 +50,6 @@ pub fn exported(preset: Preset) -> Result<Vec<u8>> {
     let weights = initial_weights(&config, SEED);
     let (image, coarse) = tile(TILE_ROWS, TILE_COLS, config.image_maps());
     let tiles = [CalibrationTile { image, coarse, ground: None }];
-    let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: Precision::Mixed, name: name(preset).into() };
+    let options = CompileOptions { tile: (TILE_ROWS, TILE_COLS), precision: MapBits::Mixed, name: name(preset).into() };
     Ok(export(&config, &weights, Path::new(name(preset)), &tiles, &options, |_| ())?.bytes)
 }

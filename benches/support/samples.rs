@@ -6,11 +6,11 @@ use std::time::Instant;
 
 /// Seconds of repeated measurements of the same work.
 #[derive(Debug, Clone, Default)]
-pub struct Samples {
+pub struct Timings {
     seconds: Vec<f64>,
 }
 
-impl Samples {
+impl Timings {
     /// Adds a measurement, seconds.
     pub fn push(&mut self, seconds: f64) {
         self.seconds.push(seconds);
@@ -50,7 +50,7 @@ pub fn measure(
     id: &str,
     mut work: impl FnMut(u64) -> f64,
     mut beside: impl FnMut() -> f64,
-) -> (Samples, Samples) {
+) -> (Timings, Timings) {
     let mut all: Vec<(u64, f64, f64)> = Vec::new();
     group.bench_function(id, |bencher| {
         bencher.iter_custom(|times| {
@@ -64,7 +64,7 @@ pub fn measure(
     // The first run has cold caches.
     let first = usize::from(all.len() > 1);
     let kept = all.iter().skip(first).filter(|sample| sample.0 == real);
-    let (mut samples, mut others) = (Samples::default(), Samples::default());
+    let (mut samples, mut others) = (Timings::default(), Timings::default());
     kept.for_each(|&(_, one, other)| {
         samples.push(one);
         others.push(other);

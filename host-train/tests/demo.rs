@@ -2,14 +2,14 @@
 
 use elunar_evaluate::{Candidate, compare};
 use elunar_learn::train::recipe::Recipe;
-use elunar_learn::train::run::Record;
+use elunar_learn::train::run::RunRecord;
 use elunar_net::config::{NetConfig, Preset, trained_network};
 use elunar_raster::{align::Named, geotiff::read};
-use host_train::demo::{Settings, Start, run};
+use host_train::demo::{InitialWeights, TourSettings, run};
 use std::path::Path;
 
 /// Returns settings with a narrow network, one tile and two steps.
-fn small(out: &Path, steps: usize) -> Settings {
+fn small(out: &Path, steps: usize) -> TourSettings {
     let network = NetConfig {
         embed: 8,
         depths: [1; 4],
@@ -19,9 +19,9 @@ fn small(out: &Path, steps: usize) -> Settings {
         decoder: [16, 8, 8, 4, 4],
         ..trained_network(Preset::Nano)
     };
-    let settings = Settings::new(out.into(), Start::Scratch(network), 3, Some(steps));
+    let settings = TourSettings::new(out.into(), InitialWeights::Scratch(network), 3, Some(steps));
     let recipe = Recipe { batch: 2, crop: [64, 64], crops_per_tile: 2, validation_tiles: 1, ..settings.recipe };
-    Settings { recipe, scene_px: (256, 330), calibration_tiles: 1, comparison_tiles: 1, ..settings }
+    TourSettings { recipe, scene_px: (256, 330), calibration_tiles: 1, comparison_tiles: 1, ..settings }
 }
 
 fn names(folder: &Path) -> Vec<String> {
@@ -99,13 +99,14 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
             == std::fs::metadata(out.path().join("model.eld")).unwrap().len()
     );
 
-    let mine = Settings { start: Start::Weights(out.path().join("model.safetensors")), ..small(out.path(), 1) };
+    let mine =
+        TourSettings { start: InitialWeights::Weights(out.path().join("model.safetensors")), ..small(out.path(), 1) };
     let refused = run(&mine).unwrap_err().to_string();
     assert!(refused.contains("model.safetensors: would be written"), "{refused}");
     let before = names(out.path());
     run(&small(out.path(), 1)).unwrap();
     assert_eq!(names(out.path()), before, "the second tour made the same files");
-    assert_eq!(Record::read(&out.path().join("training")).unwrap().recipe.steps, 1);
+    assert_eq!(RunRecord::read(&out.path().join("training")).unwrap().recipe.steps, 1);
     for foreign in ["notes.txt", "training/notes.txt"] {
         assert_eq!(std::fs::read_to_string(out.path().join(foreign)).unwrap(), "mine");
     }
@@ -115,14 +116,17 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
 fn mistakes_are_found_before_anything_is_written() {
     let folder = tempfile::tempdir().unwrap();
     let out = folder.path().join("out");
-    let refused = |settings: Settings| run(&settings).unwrap_err().to_string();
-    let absent = Settings { start: Start::Weights("no/such.safetensors".into()), ..small(&out, 1) };
+    let refused = |settings: TourSettings| run(&settings).unwrap_err().to_string();
+    let absent = TourSettings { start: InitialWeights::Weights("no/such.safetensors".into()), ..small(&out, 1) };
     assert!(refused(absent).contains("no/such.safetensors"));
     assert!(refused(small(&out, 0)).contains("steps"));
-    assert!(refused(Settings { seed: Settings::SEEDS, ..small(&out, 1) }).contains("seed"));
+    assert!(refused(TourSettings { seed: TourSettings::SEEDS, ..small(&out, 1) }).contains("seed"));
     let broken = folder.path().join("broken.safetensors");
     std::fs::write(&broken, "not weights").unwrap();
-    assert!(refused(Settings { start: Start::Weights(broken), ..small(&out, 1) }).contains("broken.safetensors"));
+    assert!(
+        refused(TourSettings { start: InitialWeights::Weights(broken), ..small(&out, 1) })
+            .contains("broken.safetensors")
+    );
     assert!(!out.exists());
 }
 

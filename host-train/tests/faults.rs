@@ -1,13 +1,13 @@
 //! A short fault campaign on the shipped model. For the long one, there is a command; see the documents of the flight library.
 
 use elunar_scene::predict::int8;
-use host_train::faults::{Campaign, Moments, Outcome, Results, Target, markdown, run};
+use host_train::faults::{Campaign, CampaignResults, FaultOutcome, InjectionTarget, Moments, markdown, run};
 use std::collections::BTreeSet;
 use std::path::Path;
 
 const INJECTIONS: u64 = 7 * 48;
 
-fn campaign(protected: bool, threads: usize) -> Results {
+fn campaign(protected: bool, threads: usize) -> CampaignResults {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
     let model = int8::open(&path).unwrap();
     let moments = Moments::record(&model, 3, 16, protected).unwrap();
@@ -20,17 +20,20 @@ fn what_is_protected_is_never_silently_wrong() {
     eprintln!("{}", markdown(&results));
     let all = results.all();
     assert_eq!(all.all(), INJECTIONS);
-    assert_eq!((all.of(Outcome::Hang), all.of(Outcome::Crash)), (0, 0));
-    for target in Target::ALL {
+    assert_eq!((all.of(FaultOutcome::Hang), all.of(FaultOutcome::Crash)), (0, 0));
+    for target in InjectionTarget::ALL {
         let counts = results.of(target);
         assert!(counts.all() > 20, "{}: {} injections", target.name(), counts.all());
         if target.is_model() {
-            assert_eq!(counts.of(Outcome::Reported), counts.all(), "{}", target.name());
-        } else if target != Target::Place {
-            assert_eq!(counts.of(Outcome::Silent), 0, "{}", target.name());
+            assert_eq!(counts.of(FaultOutcome::Reported), counts.all(), "{}", target.name());
+        } else if target != InjectionTarget::Place {
+            assert_eq!(counts.of(FaultOutcome::Silent), 0, "{}", target.name());
         }
     }
-    assert!(results.of(Target::Maps).of(Outcome::Recovered) > 0, "maps that are still wanted are found changed");
+    assert!(
+        results.of(InjectionTarget::Maps).of(FaultOutcome::Recovered) > 0,
+        "maps that are still wanted are found changed"
+    );
     // The same seed gives the same injections, with any number of threads.
     assert_eq!(markdown(&campaign(true, 1)), markdown(&results));
 }
@@ -50,6 +53,6 @@ fn bits_flip_in_every_kind_of_operator() {
 #[test]
 fn without_protection_the_campaign_sees_what_it_is_for() {
     let results = campaign(false, 2);
-    let silent = |target| results.of(target).of(Outcome::Silent);
-    assert!(silent(Target::Constants) + silent(Target::Maps) > 0, "{}", markdown(&results));
+    let silent = |target| results.of(target).of(FaultOutcome::Silent);
+    assert!(silent(InjectionTarget::Constants) + silent(InjectionTarget::Maps) > 0, "{}", markdown(&results));
 }

@@ -3,16 +3,16 @@
 use elunar::picture::{arena, costs};
 use elunar_core::nn::{Kernel, Model, required};
 use elunar_net::config::{NetConfig, config_of};
-use elunar_net::export::calibrate::{Ground, Range, calibrate};
-use elunar_net::export::choose::{Job, choose};
+use elunar_net::export::calibrate::{Range, TileTruth, calibrate};
+use elunar_net::export::choose::{ExportJob, choose};
 use elunar_net::export::codes::{can_widen, wide_by_rule};
 use elunar_net::export::compile::{Export, finish};
 use elunar_net::export::graph::{Graph, Operation};
 use elunar_net::export::report::compare;
-use elunar_net::export::sensitivity::{Plan, Sensitivity};
-use elunar_net::export::{CalibrationTile, Options, Precision, build};
+use elunar_net::export::sensitivity::{Sensitivity, SensitivityPlan};
+use elunar_net::export::{CalibrationTile, CompileOptions, MapBits, build};
 use elunar_net::inspect::{model, plan_text, timing};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::path::Path;
 use support::Shell;
 
@@ -26,18 +26,18 @@ struct Bench {
     graph: Graph,
     ranges: Vec<Range>,
     tiles: Vec<CalibrationTile>,
-    options: Options,
+    options: CompileOptions,
 }
 
 /// Returns the golden network, calibrated on the tiles it is scored on, so that no sample lies beyond its codes.
 fn bench() -> Bench {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tests/golden/mini/case.safetensors");
-    let weights = Weights::read(&path).unwrap();
+    let weights = NetWeights::read(&path).unwrap();
     let config = config_of(&weights, &path).unwrap();
     let graph = build::build(&config, &weights, &path, TILE).unwrap();
     let tiles: Vec<CalibrationTile> = (0..2).map(|seed| tile(config.nr, seed)).collect();
     let ranges = calibrate(&graph, &tiles, |_| {}).unwrap();
-    let options = Options { tile: TILE, precision: Precision::Mixed, name: "mini".into() };
+    let options = CompileOptions { tile: TILE, precision: MapBits::Mixed, name: "mini".into() };
     Bench { config, graph, ranges, tiles, options }
 }
 
@@ -51,7 +51,7 @@ fn tile(nr: f32, seed: usize) -> CalibrationTile {
     let image = (0..rows * cols).map(|i| (wave(i, 0.9) + 0.15 * noise(i)).clamp(0.0, 1.0)).collect();
     let coarse = (0..rows * cols).map(|i| nr * wave(i, 0.1)).collect();
     let truth = (0..rows * cols).map(|i| nr * wave(i, 0.13)).collect();
-    CalibrationTile { image, coarse, ground: Some(Ground { metres_per_unit: 2.0, pixel_m: 2.0, truth }) }
+    CalibrationTile { image, coarse, ground: Some(TileTruth { metres_per_unit: 2.0, pixel_m: 2.0, truth }) }
 }
 
 impl Bench {
@@ -60,14 +60,14 @@ impl Bench {
     }
 
     fn sensitivity(&self, wide: &[bool]) -> Sensitivity {
-        Plan::new(&self.graph, &self.ranges, self.config.nr, wide).measure(&self.tiles, |_| {}).unwrap()
+        SensitivityPlan::new(&self.graph, &self.ranges, self.config.nr, wide).measure(&self.tiles, |_| {}).unwrap()
     }
 }
 
 #[test]
 fn every_rounding_is_measured_and_their_sum_foretells_the_runner() {
     let bench = bench();
-    for precision in [Precision::Int8, Precision::Mixed, Precision::Int16] {
+    for precision in [MapBits::Int8, MapBits::Mixed, MapBits::Int16] {
         let wide = wide_by_rule(&bench.graph, precision);
         let found = bench.sensitivity(&wide);
         assert_eq!((found.tiles, found.layers.len()), (2, bench.graph.nodes.len()));
@@ -92,11 +92,11 @@ fn every_rounding_is_measured_and_their_sum_foretells_the_runner() {
 #[test]
 fn maps_are_chosen_until_the_bound_holds() {
     let bench = bench();
-    let rule = wide_by_rule(&bench.graph, Precision::Mixed);
+    let rule = wide_by_rule(&bench.graph, MapBits::Mixed);
     let found = bench.sensitivity(&rule);
     let Bench { config, graph, ranges, tiles, options } = &bench;
     let tiles = &tiles[..1];
-    let job = Job { config, graph, ranges, options, tiles };
+    let job = ExportJob { config, graph, ranges, options, tiles };
     let growth = |export: &Export| compare(export, tiles, |_| {}).unwrap().ground.unwrap().slope_error_growth_percent;
     let none = choose(&job, &found, 100.0, |_| {}).unwrap();
     assert_eq!((none.trials.len(), none.wide.iter().filter(|w| **w).count()), (1, 0));
@@ -119,24 +119,24 @@ fn maps_are_chosen_until_the_bound_holds() {
 #[test]
 fn sensitivities_are_shown_by_their_size() {
     let bench = bench();
-    let found = bench.sensitivity(&wide_by_rule(&bench.graph, Precision::Mixed));
+    let found = bench.sensitivity(&wide_by_rule(&bench.graph, MapBits::Mixed));
     let text = found.to_string();
     let place = |name: &str| text.find(&format!("\n{name} ")).unwrap_or_else(|| panic!("{name}: {text}"));
     let ranked = found.ranked();
     assert!(ranked.windows(2).all(|pair| place(&pair[0].name) < place(&pair[1].name)), "{text}");
     assert_eq!(costs(&found).unwrap().width(), 1000);
     let untrue = [CalibrationTile { ground: None, ..bench.tiles[0].clone() }];
-    let wide = wide_by_rule(&bench.graph, Precision::Mixed);
-    let refused = Plan::new(&bench.graph, &bench.ranges, bench.config.nr, &wide).measure(&untrue, |_| {});
+    let wide = wide_by_rule(&bench.graph, MapBits::Mixed);
+    let refused = SensitivityPlan::new(&bench.graph, &bench.ranges, bench.config.nr, &wide).measure(&untrue, |_| {});
     assert!(refused.unwrap_err().to_string().contains("expected tiles with truth"));
 }
 
 #[test]
 fn a_plan_tells_what_the_runner_does() {
     let bench = bench();
-    let made = bench.export(&wide_by_rule(&bench.graph, Precision::Mixed));
+    let made = bench.export(&wide_by_rule(&bench.graph, MapBits::Mixed));
     let model = Model::new(&made.bytes).unwrap();
-    let mut plan = model::Plan::of(&model);
+    let mut plan = model::ModelFigures::of(&model);
     assert_eq!(plan.operators.iter().map(|line| line.macs).sum::<u64>(), model.macs());
     assert_eq!((plan.arena_bytes, plan.operators.len()), (required(&model), model.operator_count()));
     let tensors_end = plan.tensors.iter().map(|t| t.offset + t.bytes).max().unwrap();
@@ -163,8 +163,8 @@ fn a_plan_tells_what_the_runner_does() {
 #[test]
 fn memory_is_drawn_where_it_lies() {
     let bench = bench();
-    let made = bench.export(&wide_by_rule(&bench.graph, Precision::Mixed));
-    let plan = model::Plan::of(&Model::new(&made.bytes).unwrap());
+    let made = bench.export(&wide_by_rule(&bench.graph, MapBits::Mixed));
+    let plan = model::ModelFigures::of(&Model::new(&made.bytes).unwrap());
     let drawn = arena(&plan).unwrap();
     let of = |colour: [u8; 3]| drawn.pixels().filter(|pixel| pixel.0 == colour).count() as f64;
     // The output's rectangle as a share of the plot, which is about 1299 x 701 pixels and 1.12 arenas high, minus the line on it.
@@ -178,7 +178,7 @@ fn memory_is_drawn_where_it_lies() {
 #[test]
 fn inspect_takes_models_apart_and_nothing_else() {
     let bench = bench();
-    let made = bench.export(&wide_by_rule(&bench.graph, Precision::Mixed));
+    let made = bench.export(&wide_by_rule(&bench.graph, MapBits::Mixed));
     let shell = Shell::new();
     std::fs::write(shell.path("mini.eld"), &made.bytes).unwrap();
     std::fs::write(shell.path("points.csv"), "lon,lat,radius_km\n1,2,1737.5\n").unwrap();

@@ -5,7 +5,7 @@ use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::{Crs, Raster};
-use elunar_scene::predict::{Input, Options, Scene, predict};
+use elunar_scene::predict::{NamedRaster, PredictOptions, Scene, predict};
 use std::ops::ControlFlow;
 use std::path::Path;
 
@@ -38,11 +38,12 @@ fn step(z: impl Fn(usize) -> f32, i: usize) -> f32 {
 
 #[test]
 fn seams_are_no_steps() {
-    let image = Input::in_memory("image", raster(ROWS, COLS, 2.0, brightness));
-    let coarse = Input::in_memory("coarse DTM", raster(24, 32, 60.0, hills));
+    let image = NamedRaster::in_memory("image", raster(ROWS, COLS, 2.0, brightness));
+    let coarse = NamedRaster::in_memory("coarse DTM", raster(24, 32, 60.0, hills));
     let scene = Scene::new(image, coarse).unwrap();
     let model = open_any(&Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld"), Backend::Flex).unwrap();
-    let options = Options { sun: KnownSun { azimuth_deg: Some(315.0), elevation_deg: None }, ..Options::default() };
+    let options =
+        PredictOptions { sun: KnownSun { azimuth_deg: Some(315.0), elevation_deg: None }, ..PredictOptions::default() };
     let dtm = predict(&scene, model.as_ref(), &options, &mut |_, _| ControlFlow::Continue(())).unwrap().dtm;
     let at = |row: usize, col: usize| dtm.samples[row * COLS + col];
 

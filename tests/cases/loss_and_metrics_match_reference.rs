@@ -4,15 +4,15 @@ use elunar_core::loss::Pair;
 use elunar_core::loss::hybrid::{ElevationTerm, terms};
 use elunar_core::metrics::{HeightErrors, RelativeErrors};
 use elunar_core::tile::Shape;
-use elunar_net::weights::{Array, Weights};
+use elunar_net::weights::{Array, NetWeights};
 use elunar_tests::{golden_networks, tolerance};
 use std::collections::BTreeMap;
 
 /// Calls `check` with weights, truth and prediction of every golden case.
-fn each_case(check: impl Fn(&Weights, &Array, &Array)) {
+fn each_case(check: impl Fn(&NetWeights, &Array, &Array)) {
     for path in golden_networks() {
         println!("{}", path.display());
-        let file = Weights::read(&path).unwrap();
+        let file = NetWeights::read(&path).unwrap();
         check(&file, &file.tensors["truth"], &file.tensors["output"]);
     }
 }

@@ -6,7 +6,7 @@ use elunar_core::loss::hybrid::{ElevationTerm, Terms, Weights, add_gradient};
 use elunar_core::tile::Shape;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::train::loss::{Elevation, LossWeights, terms};
-use elunar_net::weights::Weights as File;
+use elunar_net::weights::NetWeights as File;
 use elunar_tests::{golden_networks, tolerance};
 
 /// True and predicted tiles of one batch, all of `rows * cols`.

@@ -8,7 +8,7 @@ use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_net::config::{DecoderKind, ImageEncoderKind, NetConfig, Preset};
 use elunar_net::published::load_swin;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use elunar_tests::{golden_networks, repository};
 use std::collections::BTreeMap;
 
@@ -27,7 +27,7 @@ fn every_map_of_every_golden_case_matches() {
 #[test]
 fn a_changed_weight_is_noticed() {
     let path = &golden_networks()[0];
-    let mut file = Weights::read(path).unwrap();
+    let mut file = NetWeights::read(path).unwrap();
     file.tensors.get_mut("decoder.2.shortcut.bn.running_var").unwrap().data[0] *= 1.01;
     let folder = tempfile::tempdir().unwrap();
     let changed = folder.path().join("changed.safetensors");
@@ -38,9 +38,9 @@ fn a_changed_weight_is_noticed() {
 }
 
 /// Returns the maps of a new encoder with the weights of a published checkpoint, on the image of `tests/golden/published`.
-fn published_maps(checkpoint: &str, change: impl FnOnce(&mut Weights)) -> Vec<(String, f64)> {
+fn published_maps(checkpoint: &str, change: impl FnOnce(&mut NetWeights)) -> Vec<(String, f64)> {
     let folder = repository().join("tests/golden/published");
-    let read = |name: &str| (folder.join(name), Weights::read(&folder.join(name)).unwrap());
+    let read = |name: &str| (folder.join(name), NetWeights::read(&folder.join(name)).unwrap());
     let ((maps_path, maps), (path, mut published)) = (read("maps.safetensors"), read(checkpoint));
     change(&mut published);
     let widths: serde_json::Value = serde_json::from_str(&maps.metadata["config"]).unwrap();

@@ -5,8 +5,8 @@ use elunar_core::nn::{Lighting, Model, Progress, Runner, required};
 use elunar_core::norm::Light;
 use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
 use elunar_net::config::config_of;
-use elunar_net::export::{CalibrationTile, Options, Precision, export};
-use elunar_net::weights::Weights;
+use elunar_net::export::{CalibrationTile, CompileOptions, MapBits, export};
+use elunar_net::weights::NetWeights;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::cell::Cell;
 
@@ -40,7 +40,7 @@ fn allocations() -> usize {
 /// Returns a small network, and a tile that it was calibrated with.
 fn mini() -> (Vec<u8>, CalibrationTile) {
     let path = elunar_tests::repository().join("tests/golden/mini/case.safetensors");
-    let weights = Weights::read(&path).unwrap();
+    let weights = NetWeights::read(&path).unwrap();
     let config = config_of(&weights, &path).unwrap();
     let image = &weights.tensors["input.image"];
     let tile = CalibrationTile {
@@ -48,7 +48,8 @@ fn mini() -> (Vec<u8>, CalibrationTile) {
         coarse: weights.tensors["input.coarse"].data.clone(),
         ground: None,
     };
-    let options = Options { tile: (image.shape[2], image.shape[3]), precision: Precision::Mixed, name: "mini".into() };
+    let options =
+        CompileOptions { tile: (image.shape[2], image.shape[3]), precision: MapBits::Mixed, name: "mini".into() };
     let tiles = std::slice::from_ref(&tile);
     let bytes = export(&config, &weights, &path, tiles, &options, |_| {}).unwrap().bytes;
     (bytes, tile)

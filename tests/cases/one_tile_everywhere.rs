@@ -11,7 +11,7 @@ use elunar_core::strip::{LineErrors, Next, Strip, StripMemory, StripPlan, StripS
 use elunar_core::tile::Shape;
 use elunar_core::{TileInput, TileJob, TileMemory, TileRules};
 use elunar_raster::{Crs, GeoRef, Raster};
-use elunar_scene::predict::{Input, Options, Scene, int8, predict_rows};
+use elunar_scene::predict::{NamedRaster, PredictOptions, Scene, int8, predict_rows};
 use elunar_tests::repository;
 use std::ops::ControlFlow;
 
@@ -209,14 +209,19 @@ fn as_scene(path: &std::path::Path, tile: &Tile) -> (Made, Lighting) {
     let georef = GeoRef { transform: [0.0, side_m, 0.0, 0.0, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
     let input = |name: &str, samples: &[f32]| {
         let Shape { rows, cols } = SHAPE;
-        Input::in_memory(name, Raster { rows, cols, samples: samples.to_vec(), georef: Some(georef.clone()) })
+        NamedRaster::in_memory(name, Raster { rows, cols, samples: samples.to_vec(), georef: Some(georef.clone()) })
     };
     let mut scene = Scene::new(input("image", &tile.image), input("coarse DTM", &tile.coarse_m)).unwrap();
     scene.coarse_px = RULES.coarse_px;
     let model = int8::open(path).unwrap();
-    let overlap_px = Options::overlap_for(SHAPE);
-    let options =
-        Options { overlap_px, anchor: RULES.anchor, sun: tile.sun, expected_errors: true, ..Options::default() };
+    let overlap_px = PredictOptions::overlap_for(SHAPE);
+    let options = PredictOptions {
+        overlap_px,
+        anchor: RULES.anchor,
+        sun: tile.sun,
+        expected_errors: true,
+        ..PredictOptions::default()
+    };
     let light = scene.light_for(model.model().illumination(), tile.sun).unwrap().whole;
     let mut rows = Vec::new();
     let keep = &mut |row: &[f32]| {

@@ -2,20 +2,20 @@
 
 use elunar_core::nn::Model;
 use elunar_core::nn::file::word;
-use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
+use elunar_net::config::{Illumination, NetConfig, OutputHead, Preset, TruthRange};
 use elunar_net::export::build::manifest;
-use elunar_net::export::{CalibrationTile, Options, Precision, export};
-use elunar_net::weights::{Array, Weights};
+use elunar_net::export::{CalibrationTile, CompileOptions, MapBits, export};
+use elunar_net::weights::{Array, NetWeights};
 use elunar_provoke::Random;
 use elunar_tests::repository;
 use std::path::{Path, PathBuf};
 
 /// The taller tiles are large enough for upsamplings that are folded into filters.
-const MODELS: [(&str, (usize, usize), Precision, Illumination); 4] = [
-    ("mixed", (32, 32), Precision::Mixed, Illumination::Any),
-    ("int8", (64, 32), Precision::Int8, Illumination::Any),
-    ("int16", (64, 32), Precision::Int16, Illumination::Northwest),
-    ("guided", (32, 64), Precision::Mixed, Illumination::Given),
+const MODELS: [(&str, (usize, usize), MapBits, Illumination); 4] = [
+    ("mixed", (32, 32), MapBits::Mixed, Illumination::Any),
+    ("int8", (64, 32), MapBits::Int8, Illumination::Any),
+    ("int16", (64, 32), MapBits::Int16, Illumination::Northwest),
+    ("guided", (32, 64), MapBits::Mixed, Illumination::Given),
 ];
 
 fn file(name: &str) -> PathBuf {
@@ -47,7 +47,7 @@ fn write_them_anew() {
     }
 }
 
-fn small_model(tile: (usize, usize), precision: Precision, illumination: Illumination) -> Vec<u8> {
+fn small_model(tile: (usize, usize), precision: MapBits, illumination: Illumination) -> Vec<u8> {
     let given = illumination == Illumination::Given;
     let config = NetConfig {
         illumination,
@@ -59,11 +59,11 @@ fn small_model(tile: (usize, usize), precision: Precision, illumination: Illumin
         stem: 1,
         dtm: [1; 5],
         decoder: [2; 5],
-        head: Head::Residual,
+        head: OutputHead::Residual,
         ..NetConfig::preset(Preset::Nano)
     };
     let mut random = Random(0x9e37_79b9_7f4a_7c15);
-    let mut weights = Weights::default();
+    let mut weights = NetWeights::default();
     for (name, shape) in manifest(&config).expect("a legal configuration") {
         let fan_in: usize = shape[1..].iter().product();
         let one = |r: f32| match name.rsplit('.').next() {
@@ -80,6 +80,6 @@ fn small_model(tile: (usize, usize), precision: Precision, illumination: Illumin
     let image = (0..maps * samples).map(|_| 0.5 + 0.25 * random.sample()).collect();
     let coarse = (0..samples).map(|i| 25.0 + 20.0 * (i as f32 / 97.0).sin()).collect();
     let tiles = [CalibrationTile { image, coarse, ground: None }];
-    let options = Options { tile, precision, name: "provoked".into() };
+    let options = CompileOptions { tile, precision, name: "provoked".into() };
     export(&config, &weights, Path::new("provoked"), &tiles, &options, |_| {}).expect("a sound network").bytes
 }

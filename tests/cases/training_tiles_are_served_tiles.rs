@@ -6,17 +6,17 @@ use elunar_core::nn::{InputRules, Progress, Runner, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
 use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
 use elunar_data::prepare::list::SceneFiles;
-use elunar_data::prepare::{self, Parameters, Split};
+use elunar_data::prepare::{self, PrepareOptions, Split};
 use elunar_data::prepared::PreparedSource;
 use elunar_data::sample::{RawTile, Sample};
 use elunar_data::source::TileSource;
-use elunar_net::config::{Head, Illumination, NetConfig, Preset, TruthRange};
+use elunar_net::config::{Illumination, NetConfig, OutputHead, Preset, TruthRange};
 use elunar_net::illumination::{KnownSun, LightSource, Mirror, mirrored};
 use elunar_net::job::JobMemory;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_raster::{GeoRef, Raster};
-use elunar_scene::predict::network::{Model, TileNetwork};
-use elunar_scene::predict::{Input, Options, Scene, int8, predict};
+use elunar_scene::predict::network::{TileModel, TileNetwork};
+use elunar_scene::predict::{NamedRaster, PredictOptions, Scene, int8, predict};
 use elunar_synth::{Moon, SynthOptions};
 use elunar_tests::repository;
 use indicatif::ProgressBar;
@@ -37,7 +37,7 @@ fn answer(pixel: usize) -> f32 {
     (pixel % 97) as f32 * 0.3
 }
 
-impl Model for Recorder {
+impl TileModel for Recorder {
     fn tile(&self) -> Shape {
         SHAPE
     }
@@ -64,7 +64,13 @@ impl TileNetwork for Recording<'_> {
 
 fn config(illumination: Illumination, target_range: TruthRange) -> NetConfig {
     let range_margin = if target_range == TruthRange::Reference { 0.1 } else { 0.0 };
-    NetConfig { head: Head::Residual, target_range, range_margin, illumination, ..NetConfig::preset(Preset::Nano) }
+    NetConfig {
+        head: OutputHead::Residual,
+        target_range,
+        range_margin,
+        illumination,
+        ..NetConfig::preset(Preset::Nano)
+    }
 }
 
 /// Writes a scene of one tile. Returns the scene as prediction reads it, and the training tile that `prepare` makes of it.
@@ -84,10 +90,10 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
         sun_elevation_deg: Some(scene.sun_elevation_deg),
     };
     let out = folder.join(format!("{index}_tiles"));
-    let parameters = Parameters { shares: [1.0, 0.0, 0.0], ..Parameters::default() };
+    let parameters = PrepareOptions { shares: [1.0, 0.0, 0.0], ..PrepareOptions::default() };
     prepare::run(&[files], &out, &parameters, &ProgressBar::hidden()).unwrap();
     let tile = PreparedSource::open(&out, Split::Train).unwrap().tile(0).unwrap();
-    let open = |what| Input::image(&path(what), None, None).unwrap();
+    let open = |what| NamedRaster::image(&path(what), None, None).unwrap();
     (Scene::new(open("image"), open("coarse")).unwrap(), tile)
 }
 
@@ -106,7 +112,7 @@ fn lightless() -> (Scene, RawTile) {
     let image = raster((TILE_ROWS, TILE_COLS), georef((0.0, 0.0), 2.0), &|row, col| 100.0 + ((row + col) % 2) as f32);
     let hills = |row: usize, col: usize| -1900.0 + 30.0 * (row as f32 / 2.0).sin() * (col as f32 / 3.0).cos();
     let coarse = raster((14, 16), georef((-120.0, 120.0), 60.0), &hills);
-    let (image, coarse) = (Input::in_memory("image", image), Input::in_memory("coarse DTM", coarse));
+    let (image, coarse) = (NamedRaster::in_memory("image", image), NamedRaster::in_memory("coarse DTM", coarse));
     let scene = Scene::new(image, coarse).unwrap();
     let band = scene.band(0, TILE_ROWS).unwrap();
     let tile = RawTile {
@@ -151,7 +157,7 @@ fn training_tiles_are_served_tiles() {
                 let config = config(illumination, range);
                 let sample = Sample::new(&config, &tile).unwrap();
                 let model = Recorder { rules: config.input_rules(), seen: Mutex::default() };
-                let options = Options { anchor: false, threads: 1, sun: tile.sun, ..Options::default() };
+                let options = PredictOptions { anchor: false, threads: 1, sun: tile.sun, ..PredictOptions::default() };
                 let made = predict(&scene, &model, &options, &mut |_, _| ControlFlow::Continue(())).unwrap();
                 let seen = model.seen.into_inner().unwrap();
                 let [(image, coarse)] = &seen[..] else { panic!("{what}: {} tiles", seen.len()) };

@@ -7,7 +7,7 @@ use std::path::Path;
 
 /// The rows of a text, with cells between commas. Empty lines and lines that begin with # are left out. Quoting is off: a quotation mark is
 /// an ordinary character, so that a stray one does not join lines.
-pub struct Rows<'p, R> {
+pub struct TableRows<'p, R> {
     path: &'p Path,
     most_line_bytes: usize,
     reader: csv::Reader<Chain<ShortLines<R>, &'static [u8]>>,
@@ -15,13 +15,13 @@ pub struct Rows<'p, R> {
 }
 
 /// A row that is not empty.
-pub struct Row {
+pub struct TableRow {
     /// Number of its line in the text, counted from 1.
     pub line: usize,
     record: StringRecord,
 }
 
-impl<'p, R: Read> Rows<'p, R> {
+impl<'p, R: Read> TableRows<'p, R> {
     /// Makes a reader of the rows of `text`. Messages call the text `path`. Lines of `most_line_bytes` or more are refused.
     pub fn new(path: &'p Path, text: R, most_line_bytes: usize) -> Self {
         let mut builder = csv::ReaderBuilder::new();
@@ -35,10 +35,10 @@ impl<'p, R: Read> Rows<'p, R> {
     ///
     /// # Errors
     /// [`Error::Io`] if the text cannot be read, [`Error::Broken`] for a line too long.
-    pub fn next_row(&mut self) -> Result<Option<Row>> {
+    pub fn next_row(&mut self) -> Result<Option<TableRow>> {
         while self.reader.read_byte_record(&mut self.record).map_err(|error| self.refusal(error))? {
             let line = self.reader.position().line() as usize - 1;
-            let row = Row { line, record: StringRecord::from_byte_record_lossy(self.record.clone()) };
+            let row = TableRow { line, record: StringRecord::from_byte_record_lossy(self.record.clone()) };
             if !row.is_blank() {
                 return Ok(Some(row));
             }
@@ -58,7 +58,7 @@ impl<'p, R: Read> Rows<'p, R> {
     }
 }
 
-impl Row {
+impl TableRow {
     /// Returns the cells without surrounding blanks.
     #[must_use]
     pub fn cells(&self) -> Vec<&str> {
@@ -132,7 +132,7 @@ mod tests {
     use super::*;
 
     fn rows(text: &str, most: usize) -> Result<Vec<(usize, Vec<String>)>> {
-        let mut rows = Rows::new(Path::new("t.csv"), text.as_bytes(), most);
+        let mut rows = TableRows::new(Path::new("t.csv"), text.as_bytes(), most);
         let mut found = vec![];
         while let Some(row) = rows.next_row()? {
             found.push((row.line, row.cells().into_iter().map(String::from).collect()));

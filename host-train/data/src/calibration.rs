@@ -6,7 +6,7 @@ use elunar_base::{Error, Result};
 use elunar_core::tile::{Shape, TILE_COLS, TILE_ROWS};
 use elunar_net::config::NetConfig;
 use elunar_net::export::CalibrationTile;
-use elunar_net::export::calibrate::Ground;
+use elunar_net::export::calibrate::TileTruth;
 
 /// Returns the tiles `first..first + count` of a source, normalised as `config` says.
 ///
@@ -35,6 +35,6 @@ fn calibration_tile(config: &NetConfig, raw: &RawTile) -> Result<CalibrationTile
     let mut truth = vec![0.0; raw.truth_m.len()];
     let bad = |e| Error::input(format!("tile cannot be normalised: {e}"));
     sample.scale.normalise(Shape::new(raw.rows, raw.cols), &raw.truth_m, &mut truth).map_err(bad)?;
-    let ground = Ground { metres_per_unit: sample.scale.elevation.metres_per_unit(), pixel_m: raw.pixel_m, truth };
+    let ground = TileTruth { metres_per_unit: sample.scale.elevation.metres_per_unit(), pixel_m: raw.pixel_m, truth };
     Ok(CalibrationTile { image: sample.image, coarse: sample.coarse, ground: Some(ground) })
 }

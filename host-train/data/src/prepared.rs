@@ -3,7 +3,7 @@
 use super::sample::RawTile;
 use super::source::TileSource;
 use crate::prepare::shard::ShardFile;
-use crate::prepare::{Manifest, Split};
+use crate::prepare::{Split, TrainingSetManifest};
 use elunar_base::{Error, Result};
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
@@ -27,7 +27,7 @@ impl PreparedSource {
     /// [`Error::Input`] if the folder has no manifest of prepared tiles, or no tile in that split; otherwise, if a shard is broken.
     pub fn open(folder: &Path, split: Split) -> Result<Self> {
         let at = folder.display();
-        let manifest = Manifest::find(folder)?
+        let manifest = TrainingSetManifest::find(folder)?
             .ok_or_else(|| Error::input(format!("{at}: a manifest of prepared tiles expected, none found")))?;
         let records = manifest.splits.get(&split).map_or(&[][..], |record| &record.shards);
         let shards: Vec<ShardFile> =

@@ -1,7 +1,7 @@
 //! Sources of training tiles, as a run records them.
 
 use super::sample::RawTile;
-use crate::prepare::{Manifest, Split};
+use crate::prepare::{Split, TrainingSetManifest};
 use elunar_base::Result;
 use elunar_net::illumination::KnownSun;
 use elunar_net::preset::Preset;
@@ -74,7 +74,7 @@ impl DataSpec {
     /// If the manifest exists and cannot be read.
     pub fn parse(data: Option<PathBuf>, seed: u64, split: Split) -> Result<Self> {
         Ok(match data {
-            Some(path) if path.as_os_str() != "synth" => match Manifest::find(&path)? {
+            Some(path) if path.as_os_str() != "synth" => match TrainingSetManifest::find(&path)? {
                 Some(_) => Self::Prepared { path, split },
                 None => Self::Folder { path },
             },
@@ -98,7 +98,7 @@ impl DataSpec {
     /// If the folder's manifest cannot be read.
     pub fn nr(&self) -> Result<Option<f32>> {
         match self {
-            Self::Prepared { path, .. } => Ok(Manifest::find(path)?.map(|manifest| manifest.nr)),
+            Self::Prepared { path, .. } => Ok(TrainingSetManifest::find(path)?.map(|manifest| manifest.nr)),
             _ => Ok(None),
         }
     }

@@ -1,7 +1,7 @@
 //! Whether errors are as large as expected: coverage of expected standard deviations, and reliability.
 
 use super::View;
-use super::expected::{Expected, ORIGINS};
+use super::expected::{ExpectedErrorMaps, ORIGINS};
 use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::photoclinometry::Origin;
@@ -79,7 +79,7 @@ pub struct Calibration {
 ///
 /// # Errors
 /// If the expected errors cannot be brought onto the truth's grid, or a file cannot be read.
-pub fn calibration(view: &View<'_>, expected: &Expected) -> Result<Calibration> {
+pub fn calibration(view: &View<'_>, expected: &ExpectedErrorMaps) -> Result<Calibration> {
     let maps = view.maps;
     let placed = expected.onto(maps.truth().info(), maps.truth_name())?;
     let (pixel, limits) = (maps.pixel(), std::array::from_fn(|k| two_sided(nominal(k))));
@@ -243,7 +243,7 @@ fn two_sided(probability: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Maps;
+    use crate::EvaluatedMaps;
     use elunar_raster::align::Interpolation;
     use elunar_raster::source::{InMemory, Source};
     use elunar_raster::{Crs, GeoRef, Raster};
@@ -276,14 +276,14 @@ mod tests {
         let mut heights_m = raster(|i| factor * sd_m(i));
         heights_m.samples[..COLS].fill(f32::NAN);
         let source = |raster: Raster| -> Arc<dyn Source> { Arc::new(InMemory::new(raster, None, "memory")) };
-        let expected = Expected {
+        let expected = ExpectedErrorMaps {
             name: "errors.tif".into(),
             heights_m: source(heights_m),
             slopes: source(raster(|i| factor * slope * sd_m(i))),
             origins: source(raster(|i| if i % COLS < COLS / 2 { 0.0 } else { 2.0 })),
         };
         let dtm = (("d".into(), source(dtm)), Interpolation::Bilinear);
-        let maps = Maps::new(("t".into(), source(truth)), vec![dtm], None).unwrap();
+        let maps = EvaluatedMaps::new(("t".into(), source(truth)), vec![dtm], None).unwrap();
         calibration(&maps.as_they_are().unwrap(), &expected).unwrap()
     }
 

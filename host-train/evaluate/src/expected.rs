@@ -14,7 +14,7 @@ pub(super) const ORIGINS: [Origin; 5] = [Origin::Image, Origin::Blended, Origin:
 
 /// Expected errors of a DTM, on one grid, read by windows.
 #[derive(Clone)]
-pub struct Expected {
+pub struct ExpectedErrorMaps {
     /// Name in messages and reports.
     pub name: String,
     /// Standard deviation of the height's error, metres; NaN where unknown.
@@ -25,7 +25,7 @@ pub struct Expected {
     pub origins: Arc<dyn Source>,
 }
 
-impl Expected {
+impl ExpectedErrorMaps {
     /// Opens a file of `predict --uncertainty` for a DTM.
     ///
     /// # Errors
@@ -150,7 +150,7 @@ mod tests {
             writer.write_band_rows(band, &[[0.5, 0.1, 2.0][band]; 48]).unwrap();
         }
         writer.finish().unwrap();
-        let of = |path: &Path, dtm: Raster| Expected::open(path, ("dtm.tif", source(dtm).info()));
+        let of = |path: &Path, dtm: Raster| ExpectedErrorMaps::open(path, ("dtm.tif", source(dtm).info()));
         let found = of(&path, dtm.clone()).unwrap();
         let at = |band: &Arc<dyn Source>, col| band.read(Window { row: 0, col, rows: 1, cols: 1 }).unwrap()[0];
         assert_eq!((at(&found.heights_m, 7), at(&found.slopes, 0), at(&found.origins, 5)), (0.5, 0.1, 2.0));
@@ -167,7 +167,7 @@ mod tests {
     #[test]
     fn on_a_finer_grid_origins_stay_codes() {
         let coarse = |value: fn(usize) -> f32| source(raster(10, 10, 2.0, value));
-        let expected = Expected {
+        let expected = ExpectedErrorMaps {
             name: "errors.tif".into(),
             heights_m: coarse(|i| (i % 10) as f32),
             slopes: coarse(|_| 0.25),

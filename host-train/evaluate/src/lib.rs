@@ -23,12 +23,12 @@ mod spectral;
 pub use calibration::{Calibration, Coverage, calibration};
 pub use coalign::CoAlignment;
 pub use details::Details;
-pub use expected::Expected;
-pub use maps::{Maps, NamedSource, View};
+pub use expected::ExpectedErrorMaps;
+pub use maps::{EvaluatedMaps, NamedSource, View};
 pub use octaves::{HalfCoherence, Octave, half_coherence};
 pub use registration::Registration;
-pub use relief::{Light, ReliefScores, Side, relief};
-pub use report::{Both, Summary, json, short_names, table};
+pub use relief::{ImageLight, ReliefScores, Side, relief};
+pub use report::{Both, ReportSummary, json, short_names, table};
 pub use scores::{PERCENTILES, Scores};
 pub use spectral::{Spectral, octaves_picture, spectral};
 

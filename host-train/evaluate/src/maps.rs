@@ -22,7 +22,7 @@ const SMOOTHED_PX: usize = 256;
 pub type NamedSource = (String, Arc<dyn Source>);
 
 /// Truth and candidates.
-pub struct Maps {
+pub struct EvaluatedMaps {
     truth: NamedSource,
     candidates: Vec<(String, Onto)>,
     rows: usize,
@@ -44,7 +44,7 @@ struct Common {
     first_m: Vec<f32>,
 }
 
-impl Maps {
+impl EvaluatedMaps {
     /// Places candidates on the truth's grid. `resolution_m` is the wavelength that the truth resolves, metres, if it is known.
     ///
     /// # Errors
@@ -190,7 +190,7 @@ impl Maps {
 
 /// Maps at one resolution.
 pub struct View<'a> {
-    pub(super) maps: &'a Maps,
+    pub(super) maps: &'a EvaluatedMaps,
     filter: Option<LowPass>,
     /// All samples, if they are few.
     kept: Option<Vec<Vec<f32>>>,
@@ -261,7 +261,7 @@ impl View<'_> {
     /// # Errors
     /// Errors of reading are passed on.
     pub fn scores(&self) -> Result<Vec<Scores>> {
-        let Maps { rows, cols, pixel, .. } = *self.maps;
+        let EvaluatedMaps { rows, cols, pixel, .. } = *self.maps;
         scored(self.maps.candidates.len(), rows * cols, pixel, &mut |take| self.each_band(take))
     }
 }
@@ -327,13 +327,13 @@ mod tests {
         [truth, dtm, coarse]
     }
 
-    fn maps([truth, dtm, coarse]: &[Raster; 3], resolution_m: Option<f64>) -> Result<Maps> {
+    fn maps([truth, dtm, coarse]: &[Raster; 3], resolution_m: Option<f64>) -> Result<EvaluatedMaps> {
         let named = |name: &str, raster: &Raster| -> NamedSource {
             (name.into(), Arc::new(InMemory::new(raster.clone(), None, "memory")))
         };
         let candidates =
             vec![(named("dtm", dtm), Interpolation::Bilinear), (named("coarse", coarse), Interpolation::Bicubic)];
-        Maps::new(named("truth", truth), candidates, resolution_m)
+        EvaluatedMaps::new(named("truth", truth), candidates, resolution_m)
     }
 
     /// Window by window, all figures are those of whole rasters, to the last bit.

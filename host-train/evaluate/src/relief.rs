@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 /// Image and Sun of a scene.
 #[derive(Debug, Clone, Copy)]
-pub struct Light<'a> {
+pub struct ImageLight<'a> {
     /// The image, on the truth's grid.
     pub image: &'a Raster,
     /// Azimuth of the Sun, degrees clockwise from the grid's up.
@@ -59,7 +59,7 @@ pub fn relief(
     comparison: &Comparison,
     scored: &Scored,
     wavelength_m: f64,
-    light: Option<Light>,
+    light: Option<ImageLight>,
 ) -> Result<ReliefScores> {
     let misfit = |e: elunar_core::error::LengthError| Error::input(format!("{}: {e}", scored.name));
     let pixel = comparison.pixel;
@@ -121,7 +121,7 @@ fn side(
     Ok(both.map(|(rmse_m, slope_vector_error)| Side { pixels: heights.count(), rmse_m, slope_vector_error }))
 }
 
-fn shading(dtm: &Raster, pixel: PixelSize, light: Light) -> Result<Option<f64>> {
+fn shading(dtm: &Raster, pixel: PixelSize, light: ImageLight) -> Result<Option<f64>> {
     let misfit = |e: elunar_core::error::LengthError| Error::input(format!("image: {e}"));
     let mut shade = vec![0; dtm.samples.len()];
     let sun = Sun { azimuth_deg: light.azimuth_deg, elevation_deg: light.elevation_deg, exaggeration: 1.0 };
@@ -145,7 +145,7 @@ mod tests {
         Raster { rows, cols, samples, georef: Some(georef) }
     }
 
-    fn score(truth: &Raster, dtm: &Raster, light: Option<Light>) -> ReliefScores {
+    fn score(truth: &Raster, dtm: &Raster, light: Option<ImageLight>) -> ReliefScores {
         let found = compare(Named::new("truth", truth), &[Candidate::fine("dtm", dtm)], None).unwrap();
         relief(&found, &found.scored[0], 60.0, light).unwrap()
     }
@@ -233,7 +233,7 @@ print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[
         }
         let Some(out) = elunar_testing::rasterio(NUMPY, folder.path()) else { return };
         let expected: Vec<f64> = out.split_whitespace().map(|v| v.parse().unwrap()).collect();
-        let light = Light { image: &image, azimuth_deg: 250.0, elevation_deg: 35.0 };
+        let light = ImageLight { image: &image, azimuth_deg: 250.0, elevation_deg: 35.0 };
         let found = score(&truth, &dtm, Some(light));
         let side = |side: Option<Side>| side.map(|s| [s.pixels as f64, s.rmse_m, s.slope_vector_error]).unwrap();
         let figures =
@@ -255,7 +255,7 @@ print(np.nanmean(e), rms(low(z - t)[0]), rms(hz - ht), np.corrcoef(ht[both], hz[
     fn sides_are_scored_apart_and_shading_tells_the_right_relief() {
         let truth = raster(100, 140, hills);
         let image = raster(100, 140, |r, c| hills(r, c + 1.0) - hills(r, c - 1.0)); // bright where the ground faces west
-        let light = Light { image: &image, azimuth_deg: 270.0, elevation_deg: 45.0 };
+        let light = ImageLight { image: &image, azimuth_deg: 270.0, elevation_deg: 45.0 };
         // The side that faces east is wrong by 2 m.
         let dtm = raster(100, 140, |r, c| hills(r, c) + if hills(r, c + 1.0) < hills(r, c - 1.0) { 2.0 } else { 0.0 });
         let found = score(&truth, &dtm, Some(light));

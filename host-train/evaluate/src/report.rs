@@ -1,7 +1,7 @@
 //! A comparison as text and as JSON.
 
 use super::spectral::{Spectral, octaves_table};
-use super::{Comparison, Details, Maps, PERCENTILES, Scores};
+use super::{Comparison, Details, EvaluatedMaps, PERCENTILES, Scores};
 use elunar_base::Result;
 use elunar_core::metrics::height::LIMITS_M;
 use elunar_core::terrain::PixelSize;
@@ -11,7 +11,7 @@ use std::path::Path;
 
 /// What a report is made of.
 #[derive(Debug, Clone)]
-pub struct Summary {
+pub struct ReportSummary {
     /// Name of the truth.
     pub truth: String,
     /// Valid pixels of the truth.
@@ -44,12 +44,12 @@ impl Both {
     }
 }
 
-impl Summary {
+impl ReportSummary {
     /// Scores the maps at the truth's pixel, and at its resolution if that is known.
     ///
     /// # Errors
     /// Errors of reading are passed on.
-    pub fn of(maps: &Maps) -> Result<Self> {
+    pub fn of(maps: &EvaluatedMaps) -> Result<Self> {
         let at_pixel = maps.as_they_are()?.scores()?;
         let at_resolution = maps.resolution_m().map(|_| maps.at_resolution()?.scores()).transpose()?;
         let both = |(k, (name, at_pixel)): (usize, (&str, Scores))| Both {
@@ -63,7 +63,7 @@ impl Summary {
     }
 }
 
-impl From<&Comparison> for Summary {
+impl From<&Comparison> for ReportSummary {
     fn from(from: &Comparison) -> Self {
         let is_smoothed = from.resolution_m.is_some();
         let candidates = from.scored.iter().map(|scored| Both {
@@ -136,7 +136,7 @@ struct Column<'a> {
 }
 
 /// Returns the columns: of every candidate the scores at the pixel, and those at the truth's resolution.
-fn columns<'a>(summary: &'a Summary, names: &'a [String]) -> Vec<Column<'a>> {
+fn columns<'a>(summary: &'a ReportSummary, names: &'a [String]) -> Vec<Column<'a>> {
     let resolution = format!("at {:.1} m", summary.resolution_m.unwrap_or_default());
     let mut columns = vec![];
     for (k, (both, name)) in summary.candidates.iter().zip(names).enumerate() {
@@ -153,7 +153,7 @@ fn columns<'a>(summary: &'a Summary, names: &'a [String]) -> Vec<Column<'a>> {
 /// Returns the table: one line per figure; of every candidate the scores at the truth's pixel and at its resolution. The text ends with a
 /// newline.
 #[must_use]
-pub fn table(summary: impl Into<Summary>, details: &Details) -> String {
+pub fn table(summary: impl Into<ReportSummary>, details: &Details) -> String {
     let summary = summary.into();
     let lines = LINES.iter().map(|(name, unit, _)| (name, unit));
     let lines = lines.chain(SPECTRAL_LINES.iter().map(|(name, unit, _)| (name, unit)));
@@ -217,7 +217,7 @@ fn spectral_lines(spectra: &[Option<Spectral>], heading: usize, columns: &[Colum
 
 /// Returns file names without their folders, unless two candidates would then have the same name.
 #[must_use]
-pub fn short_names(summary: &Summary) -> Vec<String> {
+pub fn short_names(summary: &ReportSummary) -> Vec<String> {
     let full: Vec<String> = summary.candidates.iter().map(|both| both.name.clone()).collect();
     let short: Vec<String> = full
         .iter()
@@ -232,7 +232,7 @@ pub fn short_names(summary: &Summary) -> Vec<String> {
 /// Returns the comparison as JSON: one object, units in the names, shares in [0, 1]. The figures of a candidate are those at the truth's
 /// resolution, if it is known, otherwise at the pixel; `at_pixel` and `at_resolution` hold both.
 #[must_use]
-pub fn json(summary: impl Into<Summary>, details: &Details) -> String {
+pub fn json(summary: impl Into<ReportSummary>, details: &Details) -> String {
     let summary = summary.into();
     let mut candidates: Vec<Value> = summary.candidates.iter().map(candidate).collect();
     for (object, found) in candidates.iter_mut().zip(&details.spectra) {

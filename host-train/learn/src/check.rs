@@ -15,7 +15,7 @@ use elunar_core::loss::{LossError, Pair};
 use elunar_core::metrics::{HeightErrors, RelativeErrors};
 use elunar_core::tile::Shape;
 use elunar_net::config::config_of;
-use elunar_net::weights::{Array, Weights};
+use elunar_net::weights::{Array, NetWeights};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -51,7 +51,7 @@ impl Line {
 /// # Errors
 /// If the file cannot be read, is broken or incomplete.
 pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
-    let golden = Weights::read(path)?;
+    let golden = NetWeights::read(path)?;
     let config = config_of(&golden, path)?;
     let net = store::load(&config, &golden, path, device)?;
     let map = |name: &str| tensor(&golden, name, path, device);
@@ -79,7 +79,7 @@ pub fn compare(path: &Path, device: &Device) -> Result<Vec<Line>> {
 }
 
 /// Compares the metrics (Eq. 11–17) of the golden output against the golden truth.
-fn compare_metrics(golden: &Weights, path: &Path) -> Result<Vec<Line>> {
+fn compare_metrics(golden: &NetWeights, path: &Path) -> Result<Vec<Line>> {
     let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
     let wrong = |e: LengthError| Error::broken(path, format!("truth against output: {e}"));
     let (mut relative, mut height) = (RelativeErrors::default(), HeightErrors::default());
@@ -115,7 +115,7 @@ fn compare_metrics(golden: &Weights, path: &Path) -> Result<Vec<Line>> {
 
 /// Compares automatic differentiation of the hybrid loss with the analytic gradient on plain slices, at the golden output. At kinks of the
 /// loss ([`Kinks`]) the two may differ by as much as the derivative jumps there.
-fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Line> {
+fn compare_gradient(golden: &NetWeights, path: &Path, device: &Device) -> Result<Line> {
     let (found, shape) = automatic_gradient(golden, path, device)?;
     let expected = analytic_gradient(golden, path, shape)?;
     let kinks = Kinks::find(flat(golden, "truth", path)?, flat(golden, "output", path)?, shape, &LossWeights::PAPER);
@@ -129,7 +129,7 @@ fn compare_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<Li
 }
 
 /// Returns the gradient of the paper's loss at the golden output by automatic differentiation, and its shape.
-fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<(Vec<f32>, Shape)> {
+fn automatic_gradient(golden: &NetWeights, path: &Path, device: &Device) -> Result<(Vec<f32>, Shape)> {
     let device = device.clone().autodiff();
     let prediction = tensor(golden, "output", path, &device)?.require_grad();
     let [_, _, rows, cols] = prediction.dims();
@@ -141,7 +141,7 @@ fn automatic_gradient(golden: &Weights, path: &Path, device: &Device) -> Result<
 }
 
 /// Returns the same gradient, computed by `core`.
-fn analytic_gradient(golden: &Weights, path: &Path, shape: Shape) -> Result<Vec<f32>> {
+fn analytic_gradient(golden: &NetWeights, path: &Path, shape: Shape) -> Result<Vec<f32>> {
     let (truth, output) = (flat(golden, "truth", path)?, flat(golden, "output", path)?);
     let wrong = |e: LossError| Error::broken(path, format!("truth against output: {e}"));
     let pair = Pair::new(truth, output, None, shape).map_err(wrong)?;
@@ -155,18 +155,18 @@ fn peak(values: &[f32]) -> f64 {
     values.iter().fold(0.0, |m, v| m.max(f64::from(v.abs())))
 }
 
-fn flat<'a>(golden: &'a Weights, name: &str, path: &Path) -> Result<&'a [f32]> {
+fn flat<'a>(golden: &'a NetWeights, name: &str, path: &Path) -> Result<&'a [f32]> {
     let array = golden.tensors.get(name).ok_or_else(|| Error::broken(path, format!("expected tensor {name}")))?;
     Ok(&array.data)
 }
 
-fn tensor(golden: &Weights, name: &str, path: &Path, device: &Device) -> Result<Tensor<4>> {
+fn tensor(golden: &NetWeights, name: &str, path: &Path, device: &Device) -> Result<Tensor<4>> {
     let array = golden.tensors.get(name).filter(|a| a.shape.len() == 4);
     let array = array.ok_or_else(|| Error::broken(path, format!("expected tensor {name} of rank 4")))?;
     Ok(Tensor::from_data(TensorData::new(array.data.clone(), array.shape.clone()), device))
 }
 
-fn json<T: serde::de::DeserializeOwned>(golden: &Weights, key: &str, path: &Path) -> Result<T> {
+fn json<T: serde::de::DeserializeOwned>(golden: &NetWeights, key: &str, path: &Path) -> Result<T> {
     let text = golden.metadata.get(key).ok_or_else(|| Error::broken(path, format!("expected metadata `{key}`")))?;
     serde_json::from_str(text).map_err(|e| Error::broken(path, format!("metadata `{key}`: {e}")))
 }
@@ -189,9 +189,9 @@ mod tests {
     use crate::model::backend::Backend;
 
     /// Returns the golden case with windows of 5. Its truth has the output's slopes in three pixels, in exact arithmetic.
-    fn touching() -> Weights {
+    fn touching() -> NetWeights {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/mini/case.safetensors");
-        let mut golden = Weights::read(&path).unwrap();
+        let mut golden = NetWeights::read(&path).unwrap();
         let [_, _, _, cols] = golden.tensors["output"].shape[..] else { panic!("a map") };
         let output = golden.tensors["output"].data.clone();
         let truth = &mut golden.tensors.get_mut("truth").unwrap().data;

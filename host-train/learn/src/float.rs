@@ -11,9 +11,9 @@ use elunar_core::nn::InputRules;
 use elunar_core::tile::{Shape, TILE};
 use elunar_net::config::{NetConfig, config_of};
 use elunar_net::shipped;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use elunar_scene::predict::int8;
-use elunar_scene::predict::network::{Model, TileNetwork};
+use elunar_scene::predict::network::{TileModel, TileNetwork};
 use std::path::Path;
 
 /// Opens a model of either kind: a `.safetensors` file is a float network, run on `backend`; an `.eld` file or a shipped
@@ -21,7 +21,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Unsupported`] for another extension; otherwise as [`open`] and [`int8::open`].
-pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn Model>> {
+pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn TileModel>> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("safetensors") => Ok(Box::new(open(path, backend)?)),
         None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
@@ -54,7 +54,7 @@ pub struct FloatModel {
 pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
     let bytes = read::bytes(path, read::MOST_BYTES)?;
     let hash = sha256_hex(&bytes);
-    let weights = Weights::from_bytes(path, &bytes)?;
+    let weights = NetWeights::from_bytes(path, &bytes)?;
     let config = config_of(&weights, path)?;
     let device = backend.device()?;
     let net = store::load(&config, &weights, path, &device)?;
@@ -62,7 +62,7 @@ pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
     Ok(FloatModel { config, net, device, description: format!("float network {name} sha256:{hash}") })
 }
 
-impl Model for FloatModel {
+impl TileModel for FloatModel {
     fn tile(&self) -> Shape {
         TILE
     }

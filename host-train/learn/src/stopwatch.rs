@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 /// A part of the training time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Part {
+pub enum TrainingPart {
     /// The training loop waits for the thread of the tiles.
     Tiles,
     /// Samples become tensors.
@@ -40,29 +40,29 @@ pub enum Pass {
 }
 
 /// The parts of a step.
-const STEP: [(Part, &str); 6] = [
-    (Part::Tiles, "waiting for tiles"),
-    (Part::Tensors, "samples to tensors"),
-    (Part::Forward, "forward"),
-    (Part::Loss, "loss"),
-    (Part::Backward, "backward"),
-    (Part::Optimiser, "optimiser"),
+const STEP: [(TrainingPart, &str); 6] = [
+    (TrainingPart::Tiles, "waiting for tiles"),
+    (TrainingPart::Tensors, "samples to tensors"),
+    (TrainingPart::Forward, "forward"),
+    (TrainingPart::Loss, "loss"),
+    (TrainingPart::Backward, "backward"),
+    (TrainingPart::Optimiser, "optimiser"),
 ];
 
 /// An operator's part in a pass.
-type In = fn(Pass) -> Part;
+type In = fn(Pass) -> TrainingPart;
 
 /// The operators of a pass.
 const OPERATORS: [(In, &str); 3] = [
-    (Part::Convolution, "convolutions"),
-    (Part::Upsampling, "upsampling with 5x5 convolution"),
-    (Part::BatchNorm, "batch normalisation"),
+    (TrainingPart::Convolution, "convolutions"),
+    (TrainingPart::Upsampling, "upsampling with 5x5 convolution"),
+    (TrainingPart::BatchNorm, "batch normalisation"),
 ];
 
 static RUNS: AtomicBool = AtomicBool::new(false);
 static NANOSECONDS: [AtomicU64; 12] = [const { AtomicU64::new(0) }; 12];
 
-impl Part {
+impl TrainingPart {
     fn sum(self) -> &'static AtomicU64 {
         let index = match self {
             Self::Tiles => 0,
@@ -98,7 +98,7 @@ pub fn start() {
 }
 
 /// Runs `work`, and adds its time to a part if the stopwatch runs.
-pub fn time<T>(part: Part, work: impl FnOnce() -> T) -> T {
+pub fn time<T>(part: TrainingPart, work: impl FnOnce() -> T) -> T {
     if !RUNS.load(Ordering::Relaxed) {
         return work();
     }
@@ -165,13 +165,13 @@ mod tests {
         start();
         let nap = Duration::from_millis(20);
         assert_eq!(
-            time(Part::Tensors, || {
+            time(TrainingPart::Tensors, || {
                 std::thread::sleep(nap);
                 7
             }),
             7
         );
-        assert!(Part::Tensors.so_far() >= nap);
+        assert!(TrainingPart::Tensors.so_far() >= nap);
         let text = table(2, Duration::from_secs(1));
         assert!(text.contains("| all | 500.0 | 100.0 % |"), "{text}");
         assert_eq!(text.lines().count(), 2 + 6 + 2 * 4 + 2);

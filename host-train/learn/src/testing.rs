@@ -1,7 +1,7 @@
 //! Helpers of several tests.
 
 use burn::tensor::{Device, Tensor, TensorData};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -13,7 +13,7 @@ pub(crate) fn random<const D: usize>(shape: [usize; D], seed: u64, device: &Devi
 }
 
 /// Replaces arrays of zeros in weights by other numbers, because zeros pass no gradient.
-pub(crate) fn without_zeros(mut weights: Weights) -> Weights {
+pub(crate) fn without_zeros(mut weights: NetWeights) -> NetWeights {
     for array in weights.tensors.values_mut().filter(|array| array.data.iter().all(|w| *w == 0.0)) {
         (0..).zip(&mut array.data).for_each(|(i, w)| *w = 0.1 * (i as f32).sin());
     }

@@ -3,7 +3,7 @@
 use crate::names::{IlluminationName, TruthRangeName};
 pub use crate::preset::Preset;
 use crate::preset::overlaid;
-use crate::weights::Weights;
+use crate::weights::NetWeights;
 use elunar_base::{Error, Result};
 use elunar_core::nn::InputRules;
 pub use elunar_core::nn::{Illumination, TruthRange};
@@ -13,7 +13,7 @@ use std::path::Path;
 /// Output head.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
-pub enum Head {
+pub enum OutputHead {
     /// 3x3 convolution and ReLU: absolute normalised elevation (the paper's).
     Relu,
     /// 3x3 convolution whose output is added to the normalised coarse DTM; no ReLU (our choice: training converges in minutes).
@@ -65,7 +65,7 @@ pub struct NetConfig {
     /// Output channels of the five decoder blocks.
     pub decoder: [usize; 5],
     /// Output head.
-    pub head: Head,
+    pub head: OutputHead,
     /// Which DTM's range normalises the truth.
     #[serde(with = "TruthRangeName")]
     pub target_range: TruthRange,
@@ -187,7 +187,7 @@ impl NetConfig {
         if !(0.0..=1.0).contains(&self.bn_momentum) {
             return Err(format!("configuration: expected bn_momentum in 0..=1, found {}", self.bn_momentum));
         }
-        if self.target_range == TruthRange::Pixel && self.head == Head::Relu {
+        if self.target_range == TruthRange::Pixel && self.head == OutputHead::Relu {
             return Err("configuration: heights in pixels fall below 0: expected head = residual".into());
         }
         if self.coarse_channel && self.use_coarse {
@@ -196,7 +196,7 @@ impl NetConfig {
                     .into(),
             );
         }
-        if self.head == Head::Residual && !self.use_coarse && !self.coarse_channel {
+        if self.head == OutputHead::Residual && !self.use_coarse && !self.coarse_channel {
             return Err("configuration: a residual head corrects the coarse DTM: expected use_coarse = true".into());
         }
         Ok(())
@@ -207,7 +207,7 @@ impl NetConfig {
 ///
 /// # Errors
 /// [`Error::Broken`] if it is missing or malformed.
-pub fn config_of(weights: &Weights, path: &Path) -> Result<NetConfig> {
+pub fn config_of(weights: &NetWeights, path: &Path) -> Result<NetConfig> {
     let text = weights
         .metadata
         .get("config")
@@ -258,7 +258,7 @@ mod tests {
     #[test]
     fn a_file_that_states_less_has_the_rest_of_the_paper() {
         let text = r#"{"embed": 24, "heads": [1, 2, 4, 8], "window": 8, "detail": 4, "detail_inner": 2}"#;
-        let weights = Weights { metadata: [("config".into(), text.into())].into(), ..Weights::default() };
+        let weights = NetWeights { metadata: [("config".into(), text.into())].into(), ..NetWeights::default() };
         let found = config_of(&weights, Path::new("w")).unwrap();
         let paper = trained_network(Preset::Paper);
         let expected = NetConfig { embed: 24, heads: [1, 2, 4, 8], window: 8, detail: 4, detail_inner: 2, ..paper };

@@ -1,6 +1,6 @@
 //! Check that weights fit a configuration.
 
-use crate::weights::Weights;
+use crate::weights::NetWeights;
 use elunar_base::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -10,7 +10,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Broken`] with a list of all misfits.
-pub fn check_fit(expected: &BTreeMap<String, Vec<usize>>, found: &Weights, path: &Path) -> Result<()> {
+pub fn check_fit(expected: &BTreeMap<String, Vec<usize>>, found: &NetWeights, path: &Path) -> Result<()> {
     let mut misfits = Vec::new();
     for (name, shape) in expected {
         match found.tensors.get(name) {

@@ -4,7 +4,7 @@
 //! stage before: `layers.0.downsample`). Classifier heads and index buffers are left out. An RGB patch embedding is summed to one channel,
 //! which equals an input of the same grey value three times.
 
-use crate::weights::{Array, Weights};
+use crate::weights::{Array, NetWeights};
 use elunar_base::{Error, Result};
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const PREFIX: &str = "image_encoder.swin.";
 /// # Errors
 /// [`Error::Broken`], with a list of all misfits, if a tensor that the encoder needs is absent or has another shape. Classification
 /// checkpoints have no layer norms on the four outputs; these keep their values.
-pub fn load_swin(weights: &mut Weights, published: &Weights, path: &Path) -> Result<()> {
+pub fn load_swin(weights: &mut NetWeights, published: &NetWeights, path: &Path) -> Result<()> {
     let original = published.tensors.contains_key("layers.0.downsample.reduction.weight");
     let mut misfits = Vec::new();
     for (name, array) in &mut weights.tensors {

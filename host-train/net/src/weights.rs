@@ -16,14 +16,14 @@ pub struct Array {
 
 /// Tensors by interchange name, plus the file's string metadata (`config` holds [`super::config::NetConfig`] as JSON).
 #[derive(Debug, Clone, Default, PartialEq)]
-pub struct Weights {
+pub struct NetWeights {
     /// Tensors by name, e.g. `decoder.0.main.0.conv.weight`.
     pub tensors: BTreeMap<String, Array>,
     /// Free text by key.
     pub metadata: BTreeMap<String, String>,
 }
 
-impl Weights {
+impl NetWeights {
     /// Reads a safetensors file of f32 tensors. Integer tensors (index buffers, batch counters of PyTorch state dicts) are left out.
     ///
     /// # Errors

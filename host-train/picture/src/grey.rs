@@ -1,7 +1,7 @@
 //! Grey pictures.
 
 use super::{check_size, percentiles};
-use crate::shading::{Shading, shade_all};
+use crate::shading::{HillshadeOptions, shade_all};
 use elunar_base::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
 use image::{GrayImage, Luma};
@@ -13,7 +13,7 @@ use image::{GrayImage, Luma};
 /// [`Error::Input`] if there are not `rows · cols` samples.
 pub fn hillshade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize) -> Result<GrayImage> {
     check_size(heights_m.len(), rows, cols)?;
-    grey(shade_all(heights_m, cols, pixel, &Shading { sun: Sun::default(), compute_edges: true })?, rows, cols)
+    grey(shade_all(heights_m, cols, pixel, &HillshadeOptions { sun: Sun::default(), compute_edges: true })?, rows, cols)
 }
 
 /// Shades DTMs of one grid as [`hillshade`] does, with one stretch for all: the central 99 % of their shades fill the greys.

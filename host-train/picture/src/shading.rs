@@ -10,7 +10,7 @@ use std::ops::Range;
 
 /// Options of a hillshade.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
-pub struct Shading {
+pub struct HillshadeOptions {
     /// Direction to the Sun. The default is `gdaldem`'s.
     pub sun: Sun,
     /// Whether the outermost pixels and those beside gaps are shaded, from the neighbours that exist (`gdaldem -compute_edges`).
@@ -37,7 +37,12 @@ pub fn pixel_of(source: &dyn Source, name: &str) -> Result<PixelSize> {
 ///
 /// # Errors
 /// As [`Source::read`].
-pub fn shade_rows(source: &dyn Source, rows: Range<usize>, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
+pub fn shade_rows(
+    source: &dyn Source,
+    rows: Range<usize>,
+    pixel: PixelSize,
+    shading: &HillshadeOptions,
+) -> Result<Vec<u8>> {
     let (all_rows, cols) = (source.info().rows, source.info().cols);
     // One more row on each side, where the raster has one.
     let read = rows.start.saturating_sub(1)..(rows.end + 1).min(all_rows);
@@ -49,7 +54,7 @@ pub fn shade_rows(source: &dyn Source, rows: Range<usize>, pixel: PixelSize, sha
 ///
 /// # Errors
 /// [`Error::Input`] if they are not whole rows.
-pub fn shade_all(heights_m: &[f32], cols: usize, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
+pub fn shade_all(heights_m: &[f32], cols: usize, pixel: PixelSize, shading: &HillshadeOptions) -> Result<Vec<u8>> {
     let rows = heights_m.len() / cols.max(1);
     if rows * cols != heights_m.len() {
         return Err(Error::input(format!("hillshade: rows of {cols} heights expected, {} found", heights_m.len())));
@@ -68,7 +73,7 @@ struct Band<'a> {
 }
 
 impl Band<'_> {
-    fn shades(&self, rows: Range<usize>, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
+    fn shades(&self, rows: Range<usize>, pixel: PixelSize, shading: &HillshadeOptions) -> Result<Vec<u8>> {
         let lines: Result<Vec<Vec<u8>>> = rows.into_par_iter().map(|row| self.shade(row, pixel, shading)).collect();
         Ok(lines?.concat())
     }
@@ -77,7 +82,7 @@ impl Band<'_> {
         self.heights_m[(row - self.first) * self.cols + col]
     }
 
-    fn shade(&self, row: usize, pixel: PixelSize, shading: &Shading) -> Result<Vec<u8>> {
+    fn shade(&self, row: usize, pixel: PixelSize, shading: &HillshadeOptions) -> Result<Vec<u8>> {
         let mut line = vec![0; self.cols];
         if row > 0 && row + 1 < self.all_rows {
             let mut three = vec![0; 3 * self.cols];
@@ -150,7 +155,7 @@ mod tests {
         Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: Some(georef) }
     }
 
-    fn whole(raster: &Raster, shading: &Shading) -> Vec<u8> {
+    fn whole(raster: &Raster, shading: &HillshadeOptions) -> Vec<u8> {
         let source = InMemory::new(raster.clone(), None, "memory");
         let pixel = pixel_of(&source, "memory").unwrap();
         shade_rows(&source, 0..raster.rows, pixel, shading).unwrap()
@@ -162,7 +167,7 @@ mod tests {
         let source = InMemory::new(raster.clone(), None, "memory");
         let pixel = pixel_of(&source, "memory").unwrap();
         for compute_edges in [false, true] {
-            let shading = Shading { compute_edges, ..Shading::default() };
+            let shading = HillshadeOptions { compute_edges, ..HillshadeOptions::default() };
             let bands: Vec<u8> = [0..1, 1..17, 17..39, 39..40]
                 .into_iter()
                 .flat_map(|rows| shade_rows(&source, rows, pixel, &shading).unwrap())
@@ -183,8 +188,8 @@ mod tests {
         let mut flipped = raster.clone();
         flipped.samples = raster.samples.rchunks(20).flatten().copied().collect();
         flipped.georef.as_mut().unwrap().transform = [0.0, 2.0, 0.0, 0.0, 0.0, 2.0];
-        let expected: Vec<u8> = whole(&raster, &Shading::default()).rchunks(20).flatten().copied().collect();
-        assert_eq!(whole(&flipped, &Shading::default()), expected);
+        let expected: Vec<u8> = whole(&raster, &HillshadeOptions::default()).rchunks(20).flatten().copied().collect();
+        assert_eq!(whole(&flipped, &HillshadeOptions::default()), expected);
     }
 
     #[test]
@@ -204,7 +209,7 @@ mod tests {
         let crs = Crs { directory, doubles: vec![elunar_raster::MOON_RADIUS_M], ascii: String::new() };
         let step = 500.0 / elunar_raster::MOON_RADIUS_M.to_radians();
         degrees.georef = Some(GeoRef { transform: [0.0, step, 0.0, 15.0 * step, 0.0, -step], crs });
-        assert_eq!(whole(&degrees, &Shading::default()), whole(&metres, &Shading::default()));
+        assert_eq!(whole(&degrees, &HillshadeOptions::default()), whole(&metres, &HillshadeOptions::default()));
     }
 
     #[test]
@@ -223,7 +228,7 @@ mod tests {
                 assert!(command.arg(folder.path().join("dem.tif")).arg(&out).status().unwrap().success());
                 let expected = elunar_raster::geotiff::read(&out).unwrap();
                 let sun = Sun { azimuth_deg, elevation_deg, exaggeration };
-                let found = whole(&raster, &Shading { sun, compute_edges });
+                let found = whole(&raster, &HillshadeOptions { sun, compute_edges });
                 for (i, (&found, &expected)) in found.iter().zip(&expected.samples).enumerate() {
                     let expected = if expected.is_finite() { expected } else { 0.0 };
                     assert_eq!(found == 0, expected == 0.0, "pixel {i}: {found} instead of {expected}");

@@ -11,7 +11,7 @@ mod summary;
 mod tests;
 
 pub use build::Axes;
-pub(super) use method::{Kind, Parameters};
+pub(super) use method::{ProjectionMethod, ProjectionParameters};
 
 use super::Projection;
 use std::collections::BTreeMap;

@@ -10,7 +10,7 @@ mod text;
 mod tests;
 
 use super::Crs;
-use super::crs::{Parameters, code, key};
+use super::crs::{ProjectionParameters, code, key};
 use ported::Ported;
 use std::f64::consts::FRAC_PI_4;
 
@@ -76,7 +76,7 @@ impl Projection {
         } else if is(code::STEREOGRAPHIC) && lat0_deg.abs() == 90.0 {
             Method::PolarStereographic { sign: lat0_deg.signum(), scale, lon0_deg }
         } else {
-            Method::Ported(Ported::new(radius_m, Parameters::of(crs)?)?)
+            Method::Ported(Ported::new(radius_m, ProjectionParameters::of(crs)?)?)
         };
         let false_origin = (
             or(0.0, &[key::FALSE_EASTING, key::FALSE_ORIGIN_EASTING, key::CENTRE_EASTING]),

@@ -3,7 +3,7 @@
 use elunar::outputs as output;
 use elunar_base::{Error, Result};
 use elunar_net::config::config_of;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::path::PathBuf;
 
 /// Options of `average`.
@@ -30,7 +30,7 @@ pub struct Args {
 pub fn run(args: Args) -> Result<()> {
     let _owner = output::take(&args.output, &args.weights.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
     let read = |path: &PathBuf| {
-        let weights = Weights::read(path)?;
+        let weights = NetWeights::read(path)?;
         Ok((config_of(&weights, path)?, weights))
     };
     let (first, rest) = args.weights.split_first().ok_or_else(|| Error::usage("expected weight files, found none"))?;
@@ -66,7 +66,7 @@ mod tests {
         let average =
             |names: &[&str]| run(Args { weights: names.iter().map(|name| path(name)).collect(), output: path("mean") });
         average(&["a", "b", "b", "b"]).unwrap();
-        let mean = Weights::read(&path("mean")).unwrap();
+        let mean = NetWeights::read(&path("mean")).unwrap();
         assert_eq!((&mean.metadata, mean.tensors.len()), (&a.metadata, a.tensors.len()));
         for (name, array) in &mean.tensors {
             for ((m, a), b) in array.data.iter().zip(&a.tensors[name].data).zip(&b.tensors[name].data) {
@@ -74,7 +74,7 @@ mod tests {
             }
         }
         average(&["a", "a"]).unwrap();
-        assert!(Weights::read(&path("mean")).unwrap() == a);
+        assert!(NetWeights::read(&path("mean")).unwrap() == a);
 
         let mut other = miniature_network();
         other.stem = 8;
@@ -86,6 +86,6 @@ mod tests {
         lacking.write(&path("lacking")).unwrap();
         let refused = average(&["a", "lacking"]).unwrap_err().to_string();
         assert!(refused.contains("lacking") && refused.contains(&name), "{refused}");
-        assert!(Weights::read(&path("mean")).unwrap() == a, "a refusal touches nothing");
+        assert!(NetWeights::read(&path("mean")).unwrap() == a, "a refusal touches nothing");
     }
 }

@@ -1,6 +1,6 @@
 //! `host-train demo`: the tour.
 
-use crate::demo::{SHIPPED_MODEL, Settings, Start, run as tour};
+use crate::demo::{InitialWeights, SHIPPED_MODEL, TourSettings, run as tour};
 use elunar_base::Result;
 use std::path::PathBuf;
 
@@ -20,7 +20,7 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
     /// Seed of the tour. Each seed has another scene and other training tiles [default: 0].
-    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..Settings::SEEDS))]
+    #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..TourSettings::SEEDS))]
     pub seed: Option<u64>,
     /// Number of training steps [default: 120, or 300 from scratch].
     #[arg(long, value_name = "N")]
@@ -42,11 +42,11 @@ pub struct Args {
 /// Errors of the tour.
 pub fn run(args: Args) -> Result<()> {
     let start = match (args.from_scratch, args.model) {
-        (true, _) => Settings::scratch(),
-        (false, model) => Start::Weights(model.unwrap_or_else(|| SHIPPED_MODEL.into())),
+        (true, _) => TourSettings::scratch(),
+        (false, model) => InitialWeights::Weights(model.unwrap_or_else(|| SHIPPED_MODEL.into())),
     };
     let out = args.out.unwrap_or_else(|| "out".into());
-    let mut settings = Settings::new(out, start, args.seed.unwrap_or(0), args.steps);
+    let mut settings = TourSettings::new(out, start, args.seed.unwrap_or(0), args.steps);
     settings.threads = args.threads.unwrap_or(settings.threads);
     tour(&settings).map(drop)
 }

@@ -1,7 +1,7 @@
 //! `host-train experiment`: runs experiments and writes their comparison.
 
 use crate::config::Configuration;
-use crate::experiment::{self, Manner, table, train};
+use crate::experiment::{self, ExperimentOptions, table, train};
 use crate::suite::list::List;
 use elunar_base::{Error, Result, interrupt};
 use std::path::{Path, PathBuf};
@@ -62,7 +62,7 @@ pub fn run(args: Args) -> Result<()> {
         return run_task(&experiments, task, &args.out);
     }
     interrupt::listen();
-    let manner = Manner { resume: args.resume, threads: args.threads };
+    let manner = ExperimentOptions { resume: args.resume, threads: args.threads };
     let found = experiment::run(&experiments, &list, &args.out, manner, &mut |line| eprintln!("{line}"))?;
     print!("{}", table::validation(&found).markdown());
     println!();

@@ -1,11 +1,11 @@
 //! `host-train faults`: measures the effect of bit flips on a tile.
 
-use crate::faults::{Campaign, Journal, Moments, Outcome, Target, markdown, picture, run};
+use crate::faults::{Campaign, CampaignJournal, FaultOutcome, InjectionTarget, Moments, markdown, picture, run};
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, atomic_write, interrupt, progress};
 use elunar_picture::write_png;
 use elunar_scene::predict::int8;
-use elunar_scene::predict::network::Model as _;
+use elunar_scene::predict::network::TileModel as _;
 use std::path::PathBuf;
 
 /// Options of `faults`.
@@ -61,7 +61,7 @@ pub fn run_command(args: &Args) -> Result<()> {
     let what = format!("seed {}, {} moments, {protection}", args.seed, moments.moments.len());
     let journal = args.out.as_deref().map(|out| {
         let heights = moments.digest();
-        Journal::open(&out.join(FILES[2]), &format!("{what}; {}, heights {heights}", model.description()))
+        CampaignJournal::open(&out.join(FILES[2]), &format!("{what}; {}, heights {heights}", model.description()))
     });
     let journal = journal.transpose()?;
     let known = journal.as_ref().map_or(0, |journal| journal.count_below(args.injections));
@@ -92,11 +92,15 @@ pub fn run_command(args: &Args) -> Result<()> {
         return Err(Error::stopped(format!("stopped after {done} of {} injections{goes_on}", args.injections)));
     }
     let all = results.all();
-    let (hangs, crashes) = (all.of(Outcome::Hang), all.of(Outcome::Crash));
+    let (hangs, crashes) = (all.of(FaultOutcome::Hang), all.of(FaultOutcome::Crash));
     if hangs + crashes > 0 {
         return Err(Error::input(format!("faults: expected no hang and no crash, found {hangs} and {crashes}")));
     }
-    let silent = |target: Target| 100.0 * results.of(target).share(Outcome::Silent);
-    println!("silent: {:.3} % of flips in constants, {:.3} % in maps", silent(Target::Constants), silent(Target::Maps));
+    let silent = |target: InjectionTarget| 100.0 * results.of(target).share(FaultOutcome::Silent);
+    println!(
+        "silent: {:.3} % of flips in constants, {:.3} % in maps",
+        silent(InjectionTarget::Constants),
+        silent(InjectionTarget::Maps)
+    );
     Ok(())
 }

@@ -5,7 +5,7 @@ use elunar::outputs as output;
 use elunar_base::{Error, Result};
 use elunar_learn::model::init::{initial_weights, weights_for};
 use elunar_net::config::{Preset, config_of};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::path::PathBuf;
 
 /// Options of `init`.
@@ -46,7 +46,7 @@ pub struct Args {
 /// If settings are unknown or contradict each other, the weights of `--from` do not fit them, or a file cannot be read or written.
 pub fn run(args: Args) -> Result<()> {
     let _owner = output::take(&args.output, &args.from.iter().map(PathBuf::as_path).collect::<Vec<_>>())?;
-    let loaded = args.from.as_ref().map(|path| Weights::read(path)).transpose()?;
+    let loaded = args.from.as_ref().map(|path| NetWeights::read(path)).transpose()?;
     let mut made = match &args.config {
         Some(path) => Configuration::read(path)?,
         None => Configuration::preset(args.preset.unwrap_or(Preset::Nano))?,

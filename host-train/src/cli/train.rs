@@ -10,10 +10,10 @@ use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::stopwatch;
-use elunar_learn::train::run::{BEST, COMMAND, LAST, Outcome, PROFILE, RECORD, Record, Run, begun};
+use elunar_learn::train::run::{BEST, COMMAND, LAST, PROFILE, RECORD, Run, RunRecord, TrainingResult, begun};
 use elunar_net::config::{NetConfig, Preset, TruthRange, config_of};
 use elunar_net::published;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -45,12 +45,12 @@ pub struct Args {
     pub profile: bool,
     /// Options of a new run.
     #[command(flatten)]
-    pub start: Start,
+    pub start: NewRun,
 }
 
 /// Options that determine a new run.
 #[derive(Debug, Clone, Default, PartialEq, clap::Args)]
-pub struct Start {
+pub struct NewRun {
     /// Network, recipe, data and use of a preset [default: nano].
     #[arg(long)]
     pub preset: Option<Preset>,
@@ -149,7 +149,7 @@ fn say(source: &dyn TileSource, what: &str) {
     }
 }
 
-fn profile(folder: &Path, outcome: &Outcome, wall: Duration) -> Result<()> {
+fn profile(folder: &Path, outcome: &TrainingResult, wall: Duration) -> Result<()> {
     let threads = rayon::current_num_threads();
     let steps = outcome.steps_here;
     let text = format!("{steps} steps, {threads} threads\n\n{}", stopwatch::table(steps, wall));
@@ -164,7 +164,7 @@ fn parameters(shapes: &BTreeMap<String, Vec<usize>>) -> usize {
     trainable.map(|(_, shape)| shape.iter().product::<usize>()).sum()
 }
 
-fn report(folder: &Path, outcome: &Outcome) {
+fn report(folder: &Path, outcome: &TrainingResult) {
     println!("{} steps done, {:.2} steps/s", outcome.steps, outcome.steps_per_s);
     if let Some(v) = outcome.best.or(outcome.last) {
         println!("validation: RMSE {:.3} m, slope error {:.3}°", v.network.rmse_m, v.network.slope_mae_deg);
@@ -184,22 +184,22 @@ fn weights(folder: &Path) -> String {
     format!("weights: {best}{at}/{LAST}")
 }
 
-fn resume(start: &Start, out: &Path) -> Result<Run> {
-    if *start != Start::default() {
+fn resume(start: &NewRun, out: &Path) -> Result<Run> {
+    if *start != NewRun::default() {
         return Err(Error::usage("--resume takes everything from the run's record: leave out all options but --out"));
     }
     if !out.join(RECORD).exists() {
         let what = "expected a run to resume, found none; a run that was stopped before its first checkpoint begins anew without --resume";
         return Err(Error::usage(format!("{}: {what}", out.display())));
     }
-    let record = Record::read(out)?;
+    let record = RunRecord::read(out)?;
     let initial = if begun(out) { None } else { Some(again(&record, out)?) };
     let (training, validation) = (record.data.open()?, record.validation_data.open()?);
     Ok(Run { folder: out.into(), record, initial, training, validation, stop_after: None })
 }
 
 /// Returns the initial weights of a run that has a record alone, as older programs left them: made again if they were random.
-fn again(record: &Record, out: &Path) -> Result<Weights> {
+fn again(record: &RunRecord, out: &Path) -> Result<NetWeights> {
     if record.started_from == random_weights(record.seed) {
         eprintln!("{}: no checkpoint yet, beginning anew", out.display());
         return Ok(initial_weights(&record.network, record.seed));
@@ -220,12 +220,12 @@ fn in_range_of(network: NetConfig, data: &DataSpec) -> Result<NetConfig> {
 }
 
 /// Returns the configuration that the options state, and the weights to start from, if there are any.
-fn configured(start: &Start) -> Result<(Configuration, Option<Weights>)> {
+fn configured(start: &NewRun) -> Result<(Configuration, Option<NetWeights>)> {
     let mut made = match &start.config {
         Some(path) => Configuration::read(path)?,
         None => Configuration::preset(start.preset.unwrap_or(Preset::Nano))?,
     };
-    let loaded = start.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
+    let loaded = start.start_from.as_ref().map(|path| NetWeights::read(path)).transpose()?;
     if let (Some(weights), Some(path)) = (&loaded, &start.start_from) {
         made.network = config_of(weights, path)?;
     }
@@ -262,7 +262,7 @@ fn configured(start: &Start) -> Result<(Configuration, Option<Weights>)> {
 ///
 /// # Errors
 /// If options contradict each other, or data or weights cannot be read.
-pub fn start(start: Start, out: &Path) -> Result<Run> {
+pub fn start(start: NewRun, out: &Path) -> Result<Run> {
     let (configuration, loaded) = configured(&start)?;
     let mut started_from = match &start.start_from {
         Some(path) => path.display().to_string(),
@@ -270,7 +270,7 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
     };
     let mut initial = loaded.unwrap_or_else(|| initial_weights(&configuration.network, configuration.seed));
     if let Some(path) = &start.swin {
-        published::load_swin(&mut initial, &Weights::read(path)?, path)?;
+        published::load_swin(&mut initial, &NetWeights::read(path)?, path)?;
         started_from += &format!(", image encoder {}", path.display());
     }
     let record = configuration.record(start.backend.unwrap_or(Backend::Flex), started_from);
@@ -281,7 +281,7 @@ pub fn start(start: Start, out: &Path) -> Result<Run> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elunar_data::prepare::Parameters;
+    use elunar_data::prepare::PrepareOptions;
     use elunar_data::prepare::manifest::{FORMAT, MANIFEST};
     use elunar_net::config::trained_network;
     use elunar_synth::SynthOptions;
@@ -300,7 +300,7 @@ mod tests {
     fn a_prepared_set_gives_its_nr() {
         let folder = tempfile::tempdir().unwrap();
         let manifest = json!({
-            "format": FORMAT, "made_by": "test", "tile": [256, 320], "parameters": Parameters::default(), "nr": 37.5,
+            "format": FORMAT, "made_by": "test", "tile": [256, 320], "parameters": PrepareOptions::default(), "nr": 37.5,
             "three_sigma": { "mean_m": 1.0, "sigma_m": 2.0 }, "tiles": 2, "kept": 2, "dropped": {}, "divided_by": "site",
             "splits": {}, "scenes": [],
         });
@@ -318,7 +318,7 @@ mod tests {
     fn a_moon_has_the_options_of_its_file_and_the_others_of_the_training_moon() {
         let path = concat!(env!("CARGO_MANIFEST_DIR"), "/models/wide-moon.toml");
         let of = |config: Option<&str>| {
-            let start = Start { config: config.map(Into::into), seed: Some(7), ..Start::default() };
+            let start = NewRun { config: config.map(Into::into), seed: Some(7), ..NewRun::default() };
             configured(&start).unwrap().0
         };
         let (plain, found) = (of(None), of(Some(path)));
@@ -332,17 +332,18 @@ mod tests {
     #[test]
     fn a_run_that_was_killed_before_its_first_checkpoint_is_no_dead_end() {
         let folder = tempfile::tempdir().unwrap();
-        let resume = || resume(&Start::default(), folder.path());
+        let resume = || resume(&NewRun::default(), folder.path());
         let refused = || resume().err().expect("an error").to_string();
         assert!(refused().contains("begins anew without --resume"), "{}", refused());
-        let run = start(Start { seed: Some(3), ..Start::default() }, folder.path()).unwrap();
-        let write =
-            |record: &Record| std::fs::write(folder.path().join(RECORD), serde_json::to_vec(record).unwrap()).unwrap();
+        let run = start(NewRun { seed: Some(3), ..NewRun::default() }, folder.path()).unwrap();
+        let write = |record: &RunRecord| {
+            std::fs::write(folder.path().join(RECORD), serde_json::to_vec(record).unwrap()).unwrap()
+        };
         write(&run.record);
         let again = resume().unwrap();
         assert!(again.record == run.record && again.initial.unwrap().to_bytes() == run.initial.unwrap().to_bytes());
         // Weights from a file are not made again.
-        write(&Record { started_from: "w.safetensors".into(), ..run.record });
+        write(&RunRecord { started_from: "w.safetensors".into(), ..run.record });
         assert!(
             refused().contains("the run started from w.safetensors; give its options again without --resume"),
             "{}",

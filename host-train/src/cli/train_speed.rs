@@ -5,12 +5,12 @@ use elunar_data::prepare::Split;
 use elunar_data::source::{DataSpec, VALIDATION_SEED};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
-use elunar_learn::model::precision::Precision;
+use elunar_learn::model::precision::TrainingPrecision;
 use elunar_learn::train::feed::Feed;
 use elunar_learn::train::recipe::Recipe;
 use elunar_learn::train::speed;
 use elunar_net::config::{Preset, config_of, trained_network};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use serde_json::json;
 use std::path::PathBuf;
 
@@ -38,7 +38,7 @@ pub struct Args {
     pub count: usize,
     /// Precision of the steps.
     #[arg(long, value_enum, default_value_t)]
-    pub precision: Precision,
+    pub precision: TrainingPrecision,
     /// Make batches with so many threads instead, without a network.
     #[arg(long, value_name = "THREADS")]
     pub makers: Option<usize>,
@@ -55,7 +55,7 @@ pub fn run(args: &Args) -> Result<()> {
     if args.count == 0 || args.makers == Some(0) {
         return Err(Error::usage("--count and --makers: expected at least 1, found 0"));
     }
-    let loaded = args.start_from.as_ref().map(|path| Weights::read(path)).transpose()?;
+    let loaded = args.start_from.as_ref().map(|path| NetWeights::read(path)).transpose()?;
     let network = match (&loaded, &args.start_from) {
         (Some(weights), Some(path)) => config_of(weights, path)?,
         _ => trained_network(args.preset),

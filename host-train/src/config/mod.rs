@@ -13,7 +13,7 @@ use elunar_data::source::{DataSpec, VALIDATION_SEED};
 use elunar_evaluate::CoAlignment;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::train::recipe::Recipe;
-use elunar_learn::train::run::Record;
+use elunar_learn::train::run::RunRecord;
 use elunar_net::config::{NetConfig, Preset};
 use overlay::Overlay;
 use serde::{Deserialize, Serialize};
@@ -191,8 +191,8 @@ impl Configuration {
 
     /// Returns the record of a run.
     #[must_use]
-    pub fn record(&self, backend: Backend, started_from: String) -> Record {
-        Record {
+    pub fn record(&self, backend: Backend, started_from: String) -> RunRecord {
+        RunRecord {
             network: self.network.clone(),
             recipe: self.recipe.clone(),
             data: self.data.clone(),
@@ -263,7 +263,7 @@ pub fn files(folder: &Path) -> Result<Vec<PathBuf>> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elunar_net::config::{Head, ImageEncoderKind};
+    use elunar_net::config::{ImageEncoderKind, OutputHead};
     use serde_json::json;
 
     const BASE: &str = "answers = '?'\npreset = 'nano'\nseed = 3\n[recipe]\nsteps = 7\n";
@@ -282,7 +282,7 @@ mod tests {
             [data.synth]\nseed = 9\noptions = { kind = 'mare', sun_elevation_deg = [20, 30.5] }\n[evaluation]\nco_alignment = 'low-pass'\n";
         let folder = folder(&[("base", BASE), ("child", text)]);
         let base = Configuration::read(&folder.path().join("base.toml")).unwrap();
-        assert_eq!((base.seed, base.recipe.steps, base.network.head), (3, 7, Head::Residual));
+        assert_eq!((base.seed, base.recipe.steps, base.network.head), (3, 7, OutputHead::Residual));
         assert_eq!((base.like.as_str(), base.changes.len(), base.recipe.warm_up), ("preset nano", 2, 3));
         let child = Configuration::read(&folder.path().join("child.toml")).unwrap();
         let network = NetConfig { image_encoder: ImageEncoderKind::Resnet, nr: 1.0, ..base.network.clone() };
@@ -313,7 +313,7 @@ mod tests {
         };
         let found =
             of(&["recipe.steps=50", "network.head = relu", "recipe.crop=[64, 96]", "data.folder.path=tiles"]).unwrap();
-        assert_eq!((found.recipe.steps, found.recipe.warm_up, found.network.head), (50, 25, Head::Relu));
+        assert_eq!((found.recipe.steps, found.recipe.warm_up, found.network.head), (50, 25, OutputHead::Relu));
         assert_eq!((found.recipe.crop, &found.data), ([64, 96], &DataSpec::Folder { path: "tiles".into() }));
         assert_eq!(found.changes.len(), 4, "{:?}", found.changes);
         for (setting, expected) in [

@@ -11,7 +11,7 @@ use elunar_raster::Raster;
 use elunar_raster::align::Named;
 
 /// Result of the comparison.
-pub(super) struct Verdict {
+pub(super) struct TourVerdict {
     /// Coarse DTM, the pipeline without training, float and int8 against the truth.
     pub against_truth: Comparison,
     /// Int8 compared with float, on the whole scene.
@@ -22,7 +22,11 @@ pub(super) struct Verdict {
 ///
 /// # Errors
 /// If comparing or writing fails.
-pub(super) fn run(folder: &Folder, scene: &DemoScene, [untrained, float, int8]: &[Predicted; 3]) -> Result<Verdict> {
+pub(super) fn run(
+    folder: &Folder,
+    scene: &DemoScene,
+    [untrained, float, int8]: &[Predicted; 3],
+) -> Result<TourVerdict> {
     let truth_name = scene.file("truth");
     let candidates = [
         Candidate::coarse(NAMES[0], &scene.coarse),
@@ -43,7 +47,7 @@ pub(super) fn run(folder: &Folder, scene: &DemoScene, [untrained, float, int8]: 
     for line in table(&against_truth, &Details::default()).lines() {
         say(line);
     }
-    Ok(Verdict { against_truth, int8_against_float })
+    Ok(TourVerdict { against_truth, int8_against_float })
 }
 
 /// Draws heights along the middle half of the middle row. It is long enough for hills and short enough for craters of a few pixels.

@@ -1,11 +1,11 @@
 //! The folder of a tour: its files, and the removal of an earlier tour's files.
 
-use super::Start;
+use super::InitialWeights;
 use crate::inner::check_inner;
 use elunar::outputs::check_files;
 use elunar_base::output::{Owner, check_names};
 use elunar_base::{Error, Result};
-use elunar_learn::train::run::{self, RECORD, Record};
+use elunar_learn::train::run::{self, RECORD, RunRecord};
 use elunar_synth::{MANIFEST, scene_files};
 use std::path::{Path, PathBuf};
 
@@ -47,8 +47,8 @@ impl Folder {
     /// # Errors
     /// [`Error::Io`] if the folder cannot be written; [`Error::Busy`] if another run writes it; [`Error::Usage`] if its `training` is not a
     /// tour's run, something lies in the place of a file that no earlier tour wrote, or the weights to start from would be overwritten.
-    pub(super) fn open(path: &Path, start: &Start) -> Result<Self> {
-        if let Start::Weights(weights) = start {
+    pub(super) fn open(path: &Path, start: &InitialWeights) -> Result<Self> {
+        if let InitialWeights::Weights(weights) = start {
             check_files(&files().map(|name| path.join(name)).collect::<Vec<_>>(), &[weights])?;
         }
         let folder = Self { path: path.into(), owner: Owner::of_folder(path, "tour", files())? };
@@ -73,7 +73,7 @@ impl Folder {
         if !run.join(RECORD).exists() {
             return check_names(&run, run::COMMAND, run::files());
         }
-        if !Record::read(&run)?.started_from.starts_with(STARTED_BY) {
+        if !RunRecord::read(&run)?.started_from.starts_with(STARTED_BY) {
             let what = "expected the training run of an earlier tour, found another run; choose another --out";
             return Err(Error::usage(format!("{}: {what}", run.display())));
         }

@@ -1,6 +1,6 @@
 //! Step 4: predicts the scene without training and with both networks.
 
-use super::Settings;
+use super::TourSettings;
 use super::console::{minutes, say};
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL, dtm_file, shade_file};
 use super::scene::DemoScene;
@@ -10,9 +10,9 @@ use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::KnownSun;
 use elunar_scene::predict::job::light_text;
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::untrained::Untrained;
-use elunar_scene::predict::{DtmWriter, Options, Prediction, Provenance, predict};
+use elunar_scene::predict::{DtmWriter, PredictOptions, Prediction, Provenance, predict};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
@@ -44,7 +44,7 @@ impl Predicted {
 ///
 /// # Errors
 /// If a model cannot be opened, or predicting or writing fails.
-pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Result<[Predicted; 3]> {
+pub(super) fn run(settings: &TourSettings, folder: &Folder, scene: &DemoScene) -> Result<[Predicted; 3]> {
     let open = |file: &str| open_any(&folder.file(file), Backend::Flex);
     let untrained = one(settings, folder, scene, "untrained", &Untrained)?;
     let float = one(settings, folder, scene, "float", open(FLOAT_MODEL)?.as_ref())?;
@@ -52,17 +52,17 @@ pub(super) fn run(settings: &Settings, folder: &Folder, scene: &DemoScene) -> Re
 }
 
 fn one(
-    settings: &Settings,
+    settings: &TourSettings,
     folder: &Folder,
     scene: &DemoScene,
     name: &'static str,
-    model: &dyn Model,
+    model: &dyn TileModel,
 ) -> Result<Predicted> {
-    let overlap_px = Options::overlap_for(model.tile());
+    let overlap_px = PredictOptions::overlap_for(model.tile());
     // Archives state the Sun's direction for every image.
     let (azimuth_deg, elevation_deg) = (scene.about.sun_azimuth_deg, scene.about.sun_elevation_deg);
     let sun = KnownSun { azimuth_deg: Some(azimuth_deg), elevation_deg: Some(elevation_deg) };
-    let options = Options { overlap_px, threads: settings.threads, sun, ..Options::default() };
+    let options = PredictOptions { overlap_px, threads: settings.threads, sun, ..PredictOptions::default() };
     let bar = bar(name, 0, "tiles");
     let start = Instant::now();
     let made = predict(&scene.input, model, &options, &mut |done, all| {

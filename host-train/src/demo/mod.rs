@@ -26,21 +26,21 @@ pub const SHIPPED_MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/models/nan
 /// Initial weights of the training.
 #[derive(Debug, Clone, PartialEq)]
 #[expect(clippy::large_enum_variant, reason = "a tour has one of them")]
-pub enum Start {
+pub enum InitialWeights {
     /// Float weights with their configuration.
     Weights(PathBuf),
     /// Random weights of a network.
     Scratch(NetConfig),
 }
 
-/// Settings of the tour. Users get [`Settings::new`]; tests use smaller values.
+/// Settings of the tour. Users get [`TourSettings::new`]; tests use smaller values.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Settings {
+pub struct TourSettings {
     /// Folder to write into; created if absent.
     pub out: PathBuf,
     /// Initial weights of the training.
-    pub start: Start,
-    /// Seed of the tour. Each seed has another scene, other training tiles and other calibration tiles. Below [`Settings::SEEDS`].
+    pub start: InitialWeights,
+    /// Seed of the tour. Each seed has another scene, other training tiles and other calibration tiles. Below [`TourSettings::SEEDS`].
     pub seed: u64,
     /// Rows and columns of the scene.
     pub scene_px: (usize, usize),
@@ -54,7 +54,7 @@ pub struct Settings {
     pub threads: usize,
 }
 
-impl Settings {
+impl TourSettings {
     /// One more than the greatest seed of a tour.
     pub const SEEDS: u64 = 1_000_000_000;
 
@@ -65,12 +65,12 @@ impl Settings {
 
     /// Returns the settings that a user gets.
     #[must_use]
-    pub fn new(out: PathBuf, start: Start, seed: u64, steps: Option<usize>) -> Self {
+    pub fn new(out: PathBuf, start: InitialWeights, seed: u64, steps: Option<usize>) -> Self {
         let preset = Recipe::preset(Preset::Nano);
         let (usual, learning_rate) = match start {
             // A thirtieth of the preset's learning rate, because the network is already trained (our choice).
-            Start::Weights(_) => (Self::STEPS, preset.learning_rate / 30.0),
-            Start::Scratch(_) => (Self::SCRATCH_STEPS, preset.learning_rate),
+            InitialWeights::Weights(_) => (Self::STEPS, preset.learning_rate / 30.0),
+            InitialWeights::Scratch(_) => (Self::SCRATCH_STEPS, preset.learning_rate),
         };
         let steps = steps.unwrap_or(usual);
         let recipe = Recipe {
@@ -88,8 +88,8 @@ impl Settings {
 
     /// Returns the network that is trained from random weights.
     #[must_use]
-    pub fn scratch() -> Start {
-        Start::Scratch(trained_network(Preset::Nano))
+    pub fn scratch() -> InitialWeights {
+        InitialWeights::Scratch(trained_network(Preset::Nano))
     }
 }
 
@@ -105,7 +105,7 @@ struct Seeds {
 
 impl Seeds {
     fn of(seed: u64) -> Self {
-        let moon = |number: u64| number * Settings::SEEDS + seed;
+        let moon = |number: u64| number * TourSettings::SEEDS + seed;
         Self { scene: moon(4), training: moon(5), validation: moon(6), calibration: moon(7) }
     }
 }
@@ -115,9 +115,9 @@ impl Seeds {
 /// # Errors
 /// [`Error::Usage`] if a setting is out of range, the user stopped the tour, or the folder holds a training run of another origin. Errors
 /// of the steps are passed on.
-pub fn run(settings: &Settings) -> Result<PathBuf> {
-    if settings.seed >= Settings::SEEDS {
-        let (limit, found) = (Settings::SEEDS, settings.seed);
+pub fn run(settings: &TourSettings) -> Result<PathBuf> {
+    if settings.seed >= TourSettings::SEEDS {
+        let (limit, found) = (TourSettings::SEEDS, settings.seed);
         return Err(Error::usage(format!("seed: expected a number below {limit}, found {found}")));
     }
     settings.recipe.check().map_err(Error::usage)?;

@@ -6,8 +6,8 @@ use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
 use elunar_picture::{hillshade, stretch, write_png};
 use elunar_raster::{Raster, geotiff};
-use elunar_scene::predict::{Input, Scene};
-use elunar_synth::{Manifest, Moon, SceneEntry, SynthOptions};
+use elunar_scene::predict::{NamedRaster, Scene};
+use elunar_synth::{Moon, SceneEntry, SynthManifest, SynthOptions};
 
 /// The scene of a tour, read from its files.
 pub(super) struct DemoScene {
@@ -43,10 +43,13 @@ pub(super) fn make(folder: &Folder, seed: u64, (rows, cols): (usize, usize)) -> 
     let about = made.write(&at)?;
     let pixel_m = made.pixel_m;
     let made_by = concat!("host-train ", env!("CARGO_PKG_VERSION")).into();
-    Manifest { made_by, seed, options, scenes: vec![about.clone()] }.write(&at)?;
+    SynthManifest { made_by, seed, options, scenes: vec![about.clone()] }.write(&at)?;
     let read = |what: &str| geotiff::read(folder.file(&format!("{}_{what}.tif", about.name)));
     let (image, coarse, truth) = (read("image")?, read("coarse")?, read("truth")?);
-    let input = Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone()))?;
+    let input = Scene::new(
+        NamedRaster::in_memory("image", image.clone()),
+        NamedRaster::in_memory("coarse DTM", coarse.clone()),
+    )?;
     let interpolated = input.coarse_raster()?;
     let shade = |heights_m: &[f32]| hillshade(heights_m, rows, cols, PixelSize::square(pixel_m));
     write_png(&folder.file(IMAGE), stretch(&image.samples, rows, cols)?)?;

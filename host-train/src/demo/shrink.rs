@@ -2,16 +2,16 @@
 
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, INT8_MODEL};
-use super::{Seeds, Settings, tune};
+use super::{Seeds, TourSettings, tune};
 use elunar_base::progress::bar;
 use elunar_base::{Error, Result, atomic_write};
 use elunar_core::nn::{Model, required};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS};
 use elunar_data::calibration::calibration_tiles;
 use elunar_net::config::config_of;
-use elunar_net::export::report::{Comparison, compare};
-use elunar_net::export::{Options, Precision, export};
-use elunar_net::weights::Weights;
+use elunar_net::export::report::{RunnerDifferences, compare};
+use elunar_net::export::{CompileOptions, MapBits, export};
+use elunar_net::weights::NetWeights;
 use elunar_synth::SceneEntry;
 
 /// Size of the int8 model, and its difference from float.
@@ -27,21 +27,21 @@ pub(super) struct Shrunk {
     /// Number of operators of its program.
     pub operators: usize,
     /// Comparison with float, on tiles that were not used for calibration.
-    pub comparison: Comparison,
+    pub comparison: RunnerDifferences,
 }
 
 /// Calibrates, quantises, compares and writes.
 ///
 /// # Errors
 /// If weights cannot be read, tiles cannot be made, or the network does not fit the runner.
-pub(super) fn run(settings: &Settings, folder: &Folder, seeds: Seeds, scene: &SceneEntry) -> Result<Shrunk> {
+pub(super) fn run(settings: &TourSettings, folder: &Folder, seeds: Seeds, scene: &SceneEntry) -> Result<Shrunk> {
     let path = folder.file(FLOAT_MODEL);
-    let weights = Weights::read(&path)?;
+    let weights = NetWeights::read(&path)?;
     let config = config_of(&weights, &path)?;
     let source = tune::moon(seeds.calibration, scene).open()?;
     let tiles = calibration_tiles(&*source, &config, 0, settings.calibration_tiles)?;
     let held_out = calibration_tiles(&*source, &config, settings.calibration_tiles, settings.comparison_tiles)?;
-    let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: Precision::Mixed, name: "model".into() };
+    let options = CompileOptions { tile: (TILE_ROWS, TILE_COLS), precision: MapBits::Mixed, name: "model".into() };
     let calibrating = bar("calibrating", settings.calibration_tiles, "tiles");
     let made = export(&config, &weights, &path, &tiles, &options, |done| calibrating.set_position(done as u64))?;
     calibrating.finish_and_clear();

@@ -2,17 +2,17 @@
 
 use super::console::say;
 use super::folder::{FLOAT_MODEL, Folder, RUN, STARTED_BY};
-use super::{Seeds, Settings, Start};
+use super::{InitialWeights, Seeds, TourSettings};
 use elunar_base::{Error, Result};
 use elunar_data::source::DataSpec;
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
 use elunar_learn::train::curves::{CURVES, History};
-use elunar_learn::train::run::{BEST, Record, Run};
-use elunar_learn::train::validate::{Scores, Validation, ValidationSet};
+use elunar_learn::train::run::{BEST, Run, RunRecord};
+use elunar_learn::train::validate::{ValidationResult, ValidationScores, ValidationSet};
 use elunar_net::config::{NetConfig, config_of};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use elunar_synth::{SceneEntry, SynthOptions};
 use std::path::{Path, PathBuf};
 
@@ -28,9 +28,9 @@ pub(super) struct Tuned {
     /// Sun elevations of the tiles, degrees.
     pub sun_deg: (f64, f64),
     /// Validation before the first step.
-    pub before: Validation,
+    pub before: ValidationResult,
     /// The best validation of the run.
-    pub after: Validation,
+    pub after: ValidationResult,
     /// Whether the run's best weights are used from here on, and not those it started from.
     pub improved: bool,
     /// Steps per second, validation included.
@@ -38,10 +38,10 @@ pub(super) struct Tuned {
 }
 
 /// Returns the step's title.
-pub(super) fn title(settings: &Settings) -> &'static str {
+pub(super) fn title(settings: &TourSettings) -> &'static str {
     match settings.start {
-        Start::Weights(_) => "Fine-tuning the float network",
-        Start::Scratch(_) => "Training a float network from random weights",
+        InitialWeights::Weights(_) => "Fine-tuning the float network",
+        InitialWeights::Scratch(_) => "Training a float network from random weights",
     }
 }
 
@@ -49,15 +49,15 @@ pub(super) fn title(settings: &Settings) -> &'static str {
 ///
 /// # Errors
 /// If the file is absent, broken, or not a network.
-pub(super) fn start(settings: &Settings) -> Result<(NetConfig, Weights)> {
+pub(super) fn start(settings: &TourSettings) -> Result<(NetConfig, NetWeights)> {
     match &settings.start {
-        Start::Scratch(network) => Ok((network.clone(), initial_weights(network, settings.seed))),
-        Start::Weights(path) if !path.exists() => Err(Error::input(format!(
+        InitialWeights::Scratch(network) => Ok((network.clone(), initial_weights(network, settings.seed))),
+        InitialWeights::Weights(path) if !path.exists() => Err(Error::input(format!(
             "{}: expected the weights to start from, found no such file; give --model, or --from-scratch to do without",
             path.display()
         ))),
-        Start::Weights(path) => {
-            let weights = Weights::read(path)?;
+        InitialWeights::Weights(path) => {
+            let weights = NetWeights::read(path)?;
             let network = config_of(&weights, path)?;
             // This also fails early if tensors are missing or do not fit.
             store::load(&network, &weights, path, &Backend::Flex.device()?)?;
@@ -82,17 +82,17 @@ fn sun_deg(scene: &SceneEntry) -> (f64, f64) {
 /// # Errors
 /// If tiles cannot be made, or training or writing fails.
 pub(super) fn run(
-    settings: &Settings,
+    settings: &TourSettings,
     folder: &Folder,
     seeds: Seeds,
     scene: &SceneEntry,
-    (network, initial): (NetConfig, Weights),
+    (network, initial): (NetConfig, NetWeights),
 ) -> Result<Tuned> {
     let started_from = match &settings.start {
-        Start::Weights(path) => path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
-        Start::Scratch(_) => format!("random weights of seed {}", settings.seed),
+        InitialWeights::Weights(path) => path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+        InitialWeights::Scratch(_) => format!("random weights of seed {}", settings.seed),
     };
-    let record = Record {
+    let record = RunRecord {
         network: network.clone(),
         recipe: settings.recipe.clone(),
         data: moon(seeds.training, scene),
@@ -130,7 +130,7 @@ pub(super) fn run(
     say(figures("after ", &after));
     // The criterion is the RMSE in metres, which the tour reports.
     let improved = after.network.rmse_m < before.network.rmse_m;
-    let weights = if improved { Weights::read(&run_folder.join(BEST))? } else { initial };
+    let weights = if improved { NetWeights::read(&run_folder.join(BEST))? } else { initial };
     weights.write(&folder.file(FLOAT_MODEL))?;
     if !improved {
         say("training found nothing better: the tour goes on with the weights it started from");
@@ -142,7 +142,7 @@ pub(super) fn run(
 }
 
 /// Draws the run's curves, with the validation before the first step as their first point.
-fn draw_with_start(run: &Path, before: &Validation) -> Result<()> {
+fn draw_with_start(run: &Path, before: &ValidationResult) -> Result<()> {
     let mut history = History::read(run)?;
     for (points, figure) in [
         (&mut history.rmse_m, before.network.rmse_m),
@@ -160,8 +160,8 @@ pub(super) fn curves(run: &Path) -> PathBuf {
     run.join(CURVES)
 }
 
-fn figures(when: &str, found: &Validation) -> String {
-    let untrained = |figure: fn(&Scores) -> f64, unit: &str| {
+fn figures(when: &str, found: &ValidationResult) -> String {
+    let untrained = |figure: fn(&ValidationScores) -> f64, unit: &str| {
         found.untrained.map_or_else(String::new, |scores| format!("untrained {:.2}{unit}, ", figure(&scores)))
     };
     format!(

@@ -10,7 +10,7 @@ use crate::config::Configuration;
 use crate::inner::check_inner;
 use crate::suite::list::List;
 use crate::suite::method::{Method, Usage};
-use crate::suite::results::{RESULTS, Results};
+use crate::suite::results::{RESULTS, SuiteResults};
 use crate::suite::{self, Baselines};
 use elunar_base::output::{Owner, check_names};
 use elunar_base::{Error, Result, atomic_write, read};
@@ -29,14 +29,14 @@ pub const TEST: &str = "test";
 
 /// Results of all experiments of a folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Comparison {
+pub struct ExperimentResults {
     /// Every trained experiment.
     pub trained: Vec<Trained>,
     /// The results of all experiments on the test scenes.
-    pub test: Results,
+    pub test: SuiteResults,
 }
 
-impl Comparison {
+impl ExperimentResults {
     /// Reads the comparison of a folder.
     ///
     /// # Errors
@@ -50,7 +50,7 @@ impl Comparison {
 
 /// Options of [`run`].
 #[derive(Debug, Clone, Copy, Default)]
-pub struct Manner {
+pub struct ExperimentOptions {
     /// Continue experiments that were started. Otherwise an unfinished experiment is refused.
     pub resume: bool,
     /// Number of threads for the test scenes; 0 takes as many as the machine offers.
@@ -65,9 +65,9 @@ pub fn run(
     experiments: &[Configuration],
     list: &List,
     out: &Path,
-    manner: Manner,
+    manner: ExperimentOptions,
     say: &mut dyn FnMut(&str),
-) -> Result<Comparison> {
+) -> Result<ExperimentResults> {
     for (k, one) in experiments.iter().enumerate() {
         if experiments[..k].iter().any(|other| other.name == one.name) {
             return Err(Error::input(format!("{}: expected experiments of different names, found it twice", one.name)));
@@ -96,7 +96,7 @@ pub fn run(
         }
         None => suite::run(list, baselines, &methods, &folder, &mut |scene| say(&format!("test scene {scene}")))?,
     };
-    let comparison = Comparison { trained, test };
+    let comparison = ExperimentResults { trained, test };
     table::curves(&comparison, out)?;
     for (file, text) in [
         (FILES[0], table::markdown(&comparison).into_bytes()),
@@ -122,11 +122,11 @@ fn check_files(experiments: &[Configuration], list: &List, out: &Path, baselines
 }
 
 /// Returns stored results of the same methods on the same scenes, if they exist. Models are compared by their hashes.
-fn known(folder: &Path, list: &List, baselines: Baselines, methods: &[Method]) -> Option<Results> {
+fn known(folder: &Path, list: &List, baselines: Baselines, methods: &[Method]) -> Option<SuiteResults> {
     if !folder.join(RESULTS).exists() {
         return None;
     }
-    let found = Results::read(folder).ok()?;
+    let found = SuiteResults::read(folder).ok()?;
     let own = baselines.methods();
     let same = found.methods.iter().skip(1).cloned().eq(own.iter().chain(methods).map(Method::info));
     (same && found.list_sha256 == list.sha256()).then_some(found)

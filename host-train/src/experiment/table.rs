@@ -1,8 +1,8 @@
 //! Tables and curves of all experiments.
 
-use super::Comparison;
+use super::ExperimentResults;
 use super::train::TRAINING;
-use crate::suite::tables::{Table, cross, learning, scenes, sums};
+use crate::suite::tables::{TextTable, cross, learning, scenes, sums};
 use elunar_base::Result;
 use elunar_learn::train::curves::History;
 use elunar_picture::{Chart, Series, curves as draw};
@@ -17,7 +17,7 @@ const RANGE: f64 = 50.0;
 /// it was trained in, scaled to [0, 50]. In metres and degrees, the coarse DTM and the pipeline without training are beside it: they have no
 /// row of their own, because experiments may differ in their validation tiles.
 #[must_use]
-pub fn validation(comparison: &Comparison) -> Table {
+pub fn validation(comparison: &ExperimentResults) -> TextTable {
     let heading = [
         "experiment",
         "like",
@@ -53,12 +53,12 @@ pub fn validation(comparison: &Comparison) -> Table {
         let run = [one.parameters.to_string(), experiment.recipe.steps.to_string(), format!("{:.2}", one.steps_per_s)];
         [words.to_vec(), ratios.to_vec(), ground, run.to_vec()].concat()
     });
-    Table { heading: heading.map(String::from).to_vec(), rows: rows.collect() }
+    TextTable { heading: heading.map(String::from).to_vec(), rows: rows.collect() }
 }
 
 /// Returns the whole comparison in Markdown.
 #[must_use]
-pub fn markdown(comparison: &Comparison) -> String {
+pub fn markdown(comparison: &ExperimentResults) -> String {
     let answers: String = comparison
         .trained
         .iter()
@@ -85,7 +85,7 @@ pub fn markdown(comparison: &Comparison) -> String {
 ///
 /// # Errors
 /// If a run's journal cannot be read or the picture cannot be written.
-pub fn curves(comparison: &Comparison, out: &Path) -> Result<()> {
+pub fn curves(comparison: &ExperimentResults, out: &Path) -> Result<()> {
     let (mut series, mut coarse): (Vec<Series>, Vec<Series>) = (Vec::new(), Vec::new());
     for one in &comparison.trained {
         let name = one.experiment.name.clone();

@@ -123,7 +123,7 @@ fn experiments_end_in_one_table_and_one_page() {
     let list = List::read(&list).unwrap();
     let experiments = [miniature("one", 1), Configuration { seed: 2, ..miniature("two", 1) }];
     let out = folder.path().join("out");
-    let found = run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap();
+    let found = run(&experiments, &list, &out, ExperimentOptions::default(), &mut |_| {}).unwrap();
     assert_eq!(found.trained.len(), 2);
     let methods: Vec<&str> = found.test.scenes[0].scored.iter().map(|j| j.method.as_str()).collect();
     assert_eq!(methods, [COARSE, UNTRAINED, "one", "two"]);
@@ -135,17 +135,18 @@ fn experiments_end_in_one_table_and_one_page() {
     assert!(text.contains("| one | preset nano |") && text.contains("| g | two |"), "{text}");
 
     let mut said = vec![];
-    let again = run(&experiments, &list, &out, Manner::default(), &mut |line| said.push(line.to_string())).unwrap();
+    let again =
+        run(&experiments, &list, &out, ExperimentOptions::default(), &mut |line| said.push(line.to_string())).unwrap();
     assert_eq!(said, ["one: trained before", "two: trained before", "test scenes: scored before"]);
-    let read = Comparison::read(&out).unwrap();
+    let read = ExperimentResults::read(&out).unwrap();
     assert_eq!([&again, &read].map(table::markdown), [text.as_str(), text.as_str()]);
 
     // Another list gives another test.
     let mut other = list.clone();
     other.scene.truncate(1);
-    let found = run(&experiments[..1], &other, &out, Manner::default(), &mut |_| {}).unwrap();
+    let found = run(&experiments[..1], &other, &out, ExperimentOptions::default(), &mut |_| {}).unwrap();
     assert_eq!((found.test.scenes.len(), found.test.methods.len(), found.trained.len()), (1, 3, 1));
-    assert_eq!(run(&experiments, &list, &out, Manner::default(), &mut |_| {}).unwrap().test.scenes.len(), 2);
+    assert_eq!(run(&experiments, &list, &out, ExperimentOptions::default(), &mut |_| {}).unwrap().test.scenes.len(), 2);
 
     let page = folder.path().join("page.html");
     crate::report::write(&[out.clone(), out.join(TEST), out.join("one").join(train::TRAINING)], &page).unwrap();

@@ -8,10 +8,10 @@ use elunar_base::{Error, Result, atomic_write, read};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
 use elunar_learn::model::store;
-use elunar_learn::train::recipe::Target;
-use elunar_learn::train::run::{self, BEST, Record, Run, begun};
-use elunar_learn::train::validate::{Validation, ValidationSet};
-use elunar_net::weights::Weights;
+use elunar_learn::train::recipe::TrainingTarget;
+use elunar_learn::train::run::{self, BEST, Run, RunRecord, begun};
+use elunar_learn::train::validate::{ValidationResult, ValidationSet};
+use elunar_net::weights::NetWeights;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -29,7 +29,7 @@ pub struct Trained {
     /// Number of trainable parameters of the network.
     pub parameters: usize,
     /// Scores of its best weights on the validation tiles, against the unchanged truth, whatever the recipe's target.
-    pub validation: Validation,
+    pub validation: ValidationResult,
     /// Seconds of training since it was last started or resumed.
     pub seconds: f64,
     /// Steps per second in the same time.
@@ -75,7 +75,7 @@ pub fn train(experiment: &Configuration, folder: &Path, resume: bool, say: &mut 
     // A run that was killed before its first checkpoint begins anew.
     let begun = begun(&run_folder);
     let record = record_of(experiment);
-    if begun && Record::read(&run_folder)? != record {
+    if begun && RunRecord::read(&run_folder)? != record {
         return Err(another(folder));
     }
     if begun && !resume {
@@ -95,11 +95,12 @@ pub fn train(experiment: &Configuration, folder: &Path, resume: bool, say: &mut 
     }
     let seconds = start.elapsed().as_secs_f64();
     let path = model(folder);
-    let weights = Weights::read(&path)?;
+    let weights = NetWeights::read(&path)?;
     let device = Backend::Flex.device()?;
     let net = store::load(&experiment.network, &weights, &path, &device)?;
     let tiles = experiment.recipe.validation_tiles;
-    let found = ValidationSet::new(&*validation, &experiment.network, Target::Truth, tiles)?.run(&net, &device)?;
+    let found =
+        ValidationSet::new(&*validation, &experiment.network, TrainingTarget::Truth, tiles)?.run(&net, &device)?;
     let trainable = weights.tensors.iter().filter(|(name, _)| !name.contains(".running_"));
     let trained = Trained {
         experiment: experiment.clone(),
@@ -114,7 +115,7 @@ pub fn train(experiment: &Configuration, folder: &Path, resume: bool, say: &mut 
     Ok(trained)
 }
 
-fn record_of(experiment: &Configuration) -> Record {
+fn record_of(experiment: &Configuration) -> RunRecord {
     let started_from = format!("{}; experiment {}", experiment.random_weights(), experiment.name);
     experiment.record(Backend::Flex, started_from)
 }

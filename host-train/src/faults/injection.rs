@@ -10,7 +10,7 @@ use std::ops::Range;
 /// Target of a bit flip.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Target {
+pub enum InjectionTarget {
     /// Constants of the model: weights, biases, multipliers, tables.
     Constants,
     /// Records of tensors and operators, and the schedule.
@@ -27,7 +27,7 @@ pub enum Target {
     Place,
 }
 
-impl Target {
+impl InjectionTarget {
     /// All targets.
     pub const ALL: [Self; 7] =
         [Self::Constants, Self::Program, Self::Header, Self::Maps, Self::Notes, Self::StuckBit, Self::Place];
@@ -72,7 +72,7 @@ const PLACE_BYTES: usize = 16;
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct Injection {
     /// Target of the flips.
-    pub target: Target,
+    pub target: InjectionTarget,
     /// Number of the moment after which the bits flip.
     pub moment: usize,
     /// The bits, counted from the start of the model, the arena, or the place. If both are the same, one bit flips.
@@ -87,13 +87,13 @@ impl Injection {
     pub fn new(model: &Model<'_>, moments: usize, seed: u64, index: u64) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(index);
-        let target = Target::ALL[index as usize % Target::ALL.len()];
+        let target = InjectionTarget::ALL[index as usize % InjectionTarget::ALL.len()];
         let bytes = target.bytes(model);
         let mut any = || rng.random_range(8 * bytes.start..8 * bytes.end);
         let (first, far) = (any(), any());
         let near = if first + 1 < 8 * bytes.end { first + 1 } else { first - 1 };
         let second = match rng.random_range(0..6) {
-            _ if target == Target::StuckBit => first,
+            _ if target == InjectionTarget::StuckBit => first,
             0 => near,
             1 => far,
             _ => first,

@@ -1,7 +1,7 @@
 //! The file of a campaign: its identity, then one line per injection, so that a stopped campaign can be continued.
 
 use super::outcome::Tried;
-use super::table::Results;
+use super::table::CampaignResults;
 use csv::StringRecord;
 use elunar_base::output::open_growing;
 use elunar_base::{Error, Result, read};
@@ -18,14 +18,14 @@ const MOST_JOURNAL_BYTES: u64 = 10_000_000_000;
 
 /// The lines of a campaign. Each is written to disk at once.
 #[derive(Debug)]
-pub struct Journal {
+pub struct CampaignJournal {
     path: PathBuf,
     file: Mutex<File>,
     known: HashSet<u64>,
-    results: Results,
+    results: CampaignResults,
 }
 
-impl Journal {
+impl CampaignJournal {
     /// Opens the journal of the campaign with this `identity`, or starts one. An incomplete last line is dropped.
     ///
     /// # Errors
@@ -36,7 +36,7 @@ impl Journal {
         let whole = text.rfind('\n').map_or(0, |end| end + 1);
         file.set_len(whole as u64).map_err(Error::io(path))?;
         let head = format!("# {identity}\n{COLUMNS}\n");
-        let (mut known, mut results) = (HashSet::new(), Results::default());
+        let (mut known, mut results) = (HashSet::new(), CampaignResults::default());
         let text = text.get(..whole).unwrap_or_default();
         match text.strip_prefix(&head) {
             Some(lines) => {
@@ -89,7 +89,7 @@ impl Journal {
 
     /// Returns the results that the file had when it was opened.
     #[must_use]
-    pub fn results(&self) -> &Results {
+    pub fn results(&self) -> &CampaignResults {
         &self.results
     }
 }
@@ -114,12 +114,12 @@ fn parse(path: &Path, lines: &str) -> Result<Vec<Tried>> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::injection::Target;
-    use super::super::outcome::Outcome;
+    use super::super::injection::InjectionTarget;
+    use super::super::outcome::FaultOutcome;
     use super::*;
 
     fn tried(index: u64) -> Tried {
-        let (target, outcome) = (Target::ALL[index as usize % 7], Outcome::ALL[index as usize % 6]);
+        let (target, outcome) = (InjectionTarget::ALL[index as usize % 7], FaultOutcome::ALL[index as usize % 6]);
         Tried { index, target, bits: 1 + index as usize % 2, operator: "conv".into(), outcome }
     }
 
@@ -127,33 +127,33 @@ mod tests {
     fn a_campaign_goes_on_wherever_its_file_was_cut() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("injections.csv");
-        let journal = Journal::open(&path, "seed 1").unwrap();
+        let journal = CampaignJournal::open(&path, "seed 1").unwrap();
         (0..14).for_each(|index| journal.add(&tried(index)).unwrap());
         let whole = std::fs::read(&path).unwrap();
         for cut in 0..=whole.len() {
             std::fs::write(&path, &whole[..cut]).unwrap();
-            let journal = Journal::open(&path, "seed 1").unwrap();
+            let journal = CampaignJournal::open(&path, "seed 1").unwrap();
             let done: Vec<u64> = (0..14).filter(|&index| journal.has(index)).collect();
             assert_eq!(journal.results().all().all(), done.len() as u64, "cut at {cut}");
             let missing: Vec<u64> = (0..14).filter(|index| !done.contains(index)).collect();
             missing.iter().for_each(|&index| journal.add(&tried(index)).unwrap());
             assert_eq!(std::fs::read(&path).unwrap(), whole, "cut at {cut}");
         }
-        assert_eq!(Journal::open(&path, "seed 1").unwrap().count_below(10), 10);
+        assert_eq!(CampaignJournal::open(&path, "seed 1").unwrap().count_below(10), 10);
     }
 
     #[test]
     fn another_campaign_and_another_file_are_refused_and_left_alone() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("injections.csv");
-        Journal::open(&path, "seed 1").unwrap().add(&tried(0)).unwrap();
+        CampaignJournal::open(&path, "seed 1").unwrap().add(&tried(0)).unwrap();
         let before = std::fs::read(&path).unwrap();
-        let error = Journal::open(&path, "seed 2").unwrap_err().to_string();
+        let error = CampaignJournal::open(&path, "seed 2").unwrap_err().to_string();
         assert!(error.contains("expected the campaign '# seed 2', found '# seed 1'"), "{error}");
         assert_eq!(std::fs::read(&path).unwrap(), before);
         let broken = String::from_utf8(before).unwrap() + "1,moon,1,conv,masked\n";
         std::fs::write(&path, broken).unwrap();
-        let error = Journal::open(&path, "seed 1").unwrap_err().to_string();
+        let error = CampaignJournal::open(&path, "seed 1").unwrap_err().to_string();
         assert!(error.contains("line 4") && error.contains("moon"), "{error}");
     }
 }

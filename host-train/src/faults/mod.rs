@@ -16,9 +16,9 @@ mod outcome;
 mod run;
 mod table;
 
-pub use injection::{Injection, Target};
-pub use journal::Journal;
+pub use injection::{Injection, InjectionTarget};
+pub use journal::CampaignJournal;
 pub use moments::Moments;
-pub use outcome::{Counts, LIMIT_M, Outcome, Tried};
+pub use outcome::{FaultOutcome, LIMIT_M, OutcomeCounts, Tried};
 pub use run::{Campaign, run};
-pub use table::{Results, markdown, picture};
+pub use table::{CampaignResults, markdown, picture};

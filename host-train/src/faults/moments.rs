@@ -7,7 +7,7 @@ use elunar_core::nn::{Kernel, KnownSun, Model, Progress, RunError, Runner, Suspe
 use elunar_core::tile::Shape;
 use elunar_net::job::JobMemory;
 use elunar_scene::predict::int8::Int8Model;
-use elunar_scene::predict::network::Model as _;
+use elunar_scene::predict::network::TileModel as _;
 use elunar_synth::{COARSE_PIXEL_M, Moon, SynthOptions};
 use std::collections::BTreeMap;
 use std::fmt::Display;

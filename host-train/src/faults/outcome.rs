@@ -1,6 +1,6 @@
 //! The classes of outcomes, and an injection with its outcome.
 
-use super::injection::Target;
+use super::injection::InjectionTarget;
 use serde::{Deserialize, Serialize};
 
 /// Heights that differ from the clean run by more than this are corrupt, metres.
@@ -9,7 +9,7 @@ pub const LIMIT_M: f32 = 0.1;
 /// Outcome of a run with flipped bits.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Outcome {
+pub enum FaultOutcome {
     /// The runner reported an error, and a second run has undamaged memory. One second run in 16 is made, and must give the right result.
     Recovered,
     /// The runner reported an error, and would report it again. The damaged memory must be loaded again.
@@ -30,16 +30,16 @@ pub struct Tried {
     /// Number of the injection.
     pub index: u64,
     /// Target of the flips.
-    pub target: Target,
+    pub target: InjectionTarget,
     /// Number of bits that flipped.
     pub bits: usize,
     /// Kind of the current operator.
     pub operator: String,
     /// Outcome of the run.
-    pub outcome: Outcome,
+    pub outcome: FaultOutcome,
 }
 
-impl Outcome {
+impl FaultOutcome {
     /// All outcomes.
     pub const ALL: [Self; 6] = [Self::Recovered, Self::Reported, Self::Masked, Self::Silent, Self::Hang, Self::Crash];
 
@@ -58,11 +58,11 @@ impl Outcome {
 
 /// Number of runs with each outcome.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts([u64; Outcome::ALL.len()]);
+pub struct OutcomeCounts([u64; FaultOutcome::ALL.len()]);
 
-impl Counts {
+impl OutcomeCounts {
     /// Adds one run.
-    pub fn add(&mut self, outcome: Outcome) {
+    pub fn add(&mut self, outcome: FaultOutcome) {
         self.0[outcome as usize] += 1;
     }
 
@@ -72,7 +72,7 @@ impl Counts {
     }
 
     /// Returns the number of runs with one outcome.
-    pub fn of(&self, outcome: Outcome) -> u64 {
+    pub fn of(&self, outcome: FaultOutcome) -> u64 {
         self.0[outcome as usize]
     }
 
@@ -82,7 +82,7 @@ impl Counts {
     }
 
     /// Returns the share of an outcome in all runs, 0 to 1; 0 without runs.
-    pub fn share(&self, outcome: Outcome) -> f64 {
+    pub fn share(&self, outcome: FaultOutcome) -> f64 {
         self.of(outcome) as f64 / self.all().max(1) as f64
     }
 }

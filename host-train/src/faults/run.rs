@@ -1,10 +1,10 @@
 //! The injections on several threads.
 
-use super::injection::{Injection, Target};
-use super::journal::Journal;
+use super::injection::{Injection, InjectionTarget};
+use super::journal::CampaignJournal;
 use super::moments::{Moments, STEP_MACS};
-use super::outcome::{LIMIT_M, Outcome, Tried};
-use super::table::Results;
+use super::outcome::{FaultOutcome, LIMIT_M, Tried};
+use super::table::CampaignResults;
 use elunar_base::{Error, Result, interrupt};
 use elunar_core::nn::{Kernel, Model, Progress, Runner, Suspended};
 use elunar_scene::predict::int8::Int8Model;
@@ -34,13 +34,13 @@ pub fn run(
     model: &Int8Model,
     moments: &Moments,
     campaign: &Campaign,
-    journal: Option<&Journal>,
+    journal: Option<&CampaignJournal>,
     progress: impl Fn() + Sync,
-) -> Result<Results> {
+) -> Result<CampaignResults> {
     let next = AtomicU64::new(0);
-    let worker = || -> Result<Results> {
-        let mut desk = Desk::new(model, moments);
-        let mut results = Results::default();
+    let worker = || -> Result<CampaignResults> {
+        let mut memory = WorkerMemory::new(model, moments);
+        let mut results = CampaignResults::default();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
             if index >= campaign.injections || interrupt::requested() {
@@ -50,7 +50,7 @@ pub fn run(
                 continue;
             }
             let injection = Injection::new(&model.model(), moments.moments.len(), campaign.seed, index);
-            let outcome = desk.try_one(&injection, index);
+            let outcome = memory.try_one(&injection, index);
             let operator = moments.moments.get(injection.moment).map_or("none", |moment| moment.operator).into();
             let tried = Tried { index, target: injection.target, bits: injection.count(), operator, outcome };
             journal.map_or(Ok(()), |journal| journal.add(&tried))?;
@@ -69,7 +69,7 @@ pub fn run(
 }
 
 /// The model and arena of a thread.
-struct Desk<'c> {
+struct WorkerMemory<'c> {
     moments: &'c Moments,
     kernel: Kernel,
     clean: Vec<u8>,
@@ -78,29 +78,29 @@ struct Desk<'c> {
     heights_m: Vec<f32>,
 }
 
-impl<'c> Desk<'c> {
+impl<'c> WorkerMemory<'c> {
     fn new(model: &Int8Model, moments: &'c Moments) -> Self {
         let clean = model.model().raw().bytes().to_vec();
         let heights_m = vec![0.0; moments.heights_m.len()];
         Self { moments, kernel: model.kernel(), model: clean.clone(), clean, arena: Vec::new(), heights_m }
     }
 
-    fn try_one(&mut self, injection: &Injection, index: u64) -> Outcome {
-        let Some(moment) = self.moments.moments.get(injection.moment) else { return Outcome::Masked };
+    fn try_one(&mut self, injection: &Injection, index: u64) -> FaultOutcome {
+        let Some(moment) = self.moments.moments.get(injection.moment) else { return FaultOutcome::Masked };
         self.arena.clone_from(&moment.arena);
         let place = match injection.target {
             target if target.is_model() => {
                 injection.flip(&mut self.model);
                 moment.place
             }
-            Target::Place => injection.flip_place(&moment.place),
-            Target::StuckBit => moment.place,
+            InjectionTarget::Place => injection.flip_place(&moment.place),
+            InjectionTarget::StuckBit => moment.place,
             _ => {
                 injection.flip(&mut self.arena);
                 moment.place
             }
         };
-        let stuck = (injection.target == Target::StuckBit).then_some(injection);
+        let stuck = (injection.target == InjectionTarget::StuckBit).then_some(injection);
         let outcome = self.outcome(&place, stuck, injection.target, index);
         if injection.target.is_model() {
             injection.flip(&mut self.model);
@@ -110,15 +110,21 @@ impl<'c> Desk<'c> {
     }
 
     /// Continues a run from a place and classifies its outcome.
-    fn outcome(&mut self, place: &Suspended, stuck: Option<&Injection>, target: Target, index: u64) -> Outcome {
+    fn outcome(
+        &mut self,
+        place: &Suspended,
+        stuck: Option<&Injection>,
+        target: InjectionTarget,
+        index: u64,
+    ) -> FaultOutcome {
         match catch_unwind(AssertUnwindSafe(|| self.finish(place, stuck))) {
-            Err(_) => Outcome::Crash,
-            Ok(Ended::Hanging) => Outcome::Hang,
+            Err(_) => FaultOutcome::Crash,
+            Ok(Ended::Hanging) => FaultOutcome::Hang,
             Ok(Ended::Done) => self.compare(),
-            Ok(Ended::Refused) if target.is_model() => Outcome::Reported,
+            Ok(Ended::Refused) if target.is_model() => FaultOutcome::Reported,
             // A stuck bit would be stuck in a second run, too.
-            Ok(Ended::Refused) if stuck.is_some() => Outcome::Reported,
-            Ok(Ended::Refused) if !index.is_multiple_of(SECOND_TRY) => Outcome::Recovered,
+            Ok(Ended::Refused) if stuck.is_some() => FaultOutcome::Reported,
+            Ok(Ended::Refused) if !index.is_multiple_of(SECOND_TRY) => FaultOutcome::Recovered,
             Ok(Ended::Refused) => self.again(),
         }
     }
@@ -149,22 +155,22 @@ impl<'c> Desk<'c> {
     }
 
     /// Compares the heights with those of the clean run.
-    fn compare(&self) -> Outcome {
+    fn compare(&self) -> FaultOutcome {
         let pairs = self.heights_m.iter().zip(&self.moments.heights_m);
         // NaN counts as different.
         let near = pairs.into_iter().all(|(found, clean)| (found - clean).abs() <= LIMIT_M);
-        if near { Outcome::Masked } else { Outcome::Silent }
+        if near { FaultOutcome::Masked } else { FaultOutcome::Silent }
     }
 
     /// Runs the tile again from its beginning.
-    fn again(&mut self) -> Outcome {
-        let Some(first) = self.moments.moments.first() else { return Outcome::Recovered };
+    fn again(&mut self) -> FaultOutcome {
+        let Some(first) = self.moments.moments.first() else { return FaultOutcome::Recovered };
         self.arena.clone_from(&first.arena);
         let place = first.place;
         match self.finish(&place, None) {
-            Ended::Done if self.compare() == Outcome::Masked => Outcome::Recovered,
-            Ended::Done => Outcome::Silent,
-            _ => Outcome::Reported,
+            Ended::Done if self.compare() == FaultOutcome::Masked => FaultOutcome::Recovered,
+            Ended::Done => FaultOutcome::Silent,
+            _ => FaultOutcome::Reported,
         }
     }
 }

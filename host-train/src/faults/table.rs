@@ -1,7 +1,7 @@
 //! Tables and a picture of a campaign.
 
-use super::injection::Target;
-use super::outcome::{Counts, Outcome, Tried};
+use super::injection::InjectionTarget;
+use super::outcome::{FaultOutcome, OutcomeCounts, Tried};
 use elunar_base::Result;
 use elunar_picture::{Bars, bars};
 use image::RgbImage;
@@ -10,16 +10,16 @@ use std::fmt::Write as _;
 
 /// Outcomes by target, number of bits, and current operator.
 #[derive(Debug, Clone, Default)]
-pub struct Results {
-    by_target: BTreeMap<(Target, usize), Counts>,
-    by_operator: BTreeMap<String, Counts>,
+pub struct CampaignResults {
+    by_target: BTreeMap<(InjectionTarget, usize), OutcomeCounts>,
+    by_operator: BTreeMap<String, OutcomeCounts>,
 }
 
-impl Results {
+impl CampaignResults {
     /// Adds one injection.
     pub fn add(&mut self, tried: &Tried) {
         self.by_target.entry((tried.target, tried.bits)).or_default().add(tried.outcome);
-        if !tried.target.is_model() && tried.target != Target::Place {
+        if !tried.target.is_model() && tried.target != InjectionTarget::Place {
             self.by_operator.entry(tried.operator.clone()).or_default().add(tried.outcome);
         }
     }
@@ -35,22 +35,22 @@ impl Results {
     }
 
     /// Returns the counts of all injections into a target.
-    pub fn of(&self, target: Target) -> Counts {
-        let mut all = Counts::default();
+    pub fn of(&self, target: InjectionTarget) -> OutcomeCounts {
+        let mut all = OutcomeCounts::default();
         self.by_target.iter().filter(|((t, _), _)| *t == target).for_each(|(_, counts)| all.merge(counts));
         all
     }
 
     /// Returns the counts of all injections.
-    pub fn all(&self) -> Counts {
-        let mut all = Counts::default();
+    pub fn all(&self) -> OutcomeCounts {
+        let mut all = OutcomeCounts::default();
         self.by_target.values().for_each(|counts| all.merge(counts));
         all
     }
 }
 
 /// Returns the tables.
-pub fn markdown(results: &Results) -> String {
+pub fn markdown(results: &CampaignResults) -> String {
     let mut text = String::new();
     head(&mut text, "hit | bits");
     for ((target, bits), counts) in &results.by_target {
@@ -66,15 +66,15 @@ pub fn markdown(results: &Results) -> String {
 }
 
 fn head(text: &mut String, first: &str) {
-    let names = Outcome::ALL.map(Outcome::name).join(" | ");
-    let columns = first.split('|').count() + Outcome::ALL.len() + 1;
+    let names = FaultOutcome::ALL.map(FaultOutcome::name).join(" | ");
+    let columns = first.split('|').count() + FaultOutcome::ALL.len() + 1;
     // Writing to a String does not fail.
     let _ = writeln!(text, "| {first} | injections | {names} |\n|{}", "---|".repeat(columns));
 }
 
-fn line(text: &mut String, name: &str, counts: &Counts) {
+fn line(text: &mut String, name: &str, counts: &OutcomeCounts) {
     let _ = write!(text, "| {name} | {} |", counts.all());
-    for outcome in Outcome::ALL {
+    for outcome in FaultOutcome::ALL {
         let (count, percent) = (counts.of(outcome), 100.0 * counts.share(outcome));
         let _ = if count == 0 { write!(text, " 0 |") } else { write!(text, " {count} ({percent:.3} %) |") };
     }
@@ -85,16 +85,16 @@ fn line(text: &mut String, name: &str, counts: &Counts) {
 ///
 /// # Errors
 /// If there is no injection.
-pub fn picture(results: &Results) -> Result<RgbImage> {
-    let share = |counts: &Counts, outcomes: &[Outcome]| {
+pub fn picture(results: &CampaignResults) -> Result<RgbImage> {
+    let share = |counts: &OutcomeCounts, outcomes: &[FaultOutcome]| {
         Some(100.0 * outcomes.iter().map(|&outcome| counts.share(outcome)).sum::<f64>())
     };
-    let groups: [&[Outcome]; 3] = [
-        &[Outcome::Recovered, Outcome::Reported],
-        &[Outcome::Masked],
-        &[Outcome::Silent, Outcome::Hang, Outcome::Crash],
+    let groups: [&[FaultOutcome]; 3] = [
+        &[FaultOutcome::Recovered, FaultOutcome::Reported],
+        &[FaultOutcome::Masked],
+        &[FaultOutcome::Silent, FaultOutcome::Hang, FaultOutcome::Crash],
     ];
-    let of = |(key, counts): (&(Target, usize), &Counts)| {
+    let of = |(key, counts): (&(InjectionTarget, usize), &OutcomeCounts)| {
         let bits = if key.1 == 1 { "1 bit" } else { "2 bits" };
         (format!("{}, {bits}", key.0.name()), groups.map(|outcomes| share(counts, outcomes)).to_vec())
     };

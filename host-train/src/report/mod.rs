@@ -4,8 +4,8 @@ pub(crate) use elunar::html;
 mod record;
 mod sections;
 
-use crate::experiment::{COMPARISON, Comparison};
-use crate::suite::results::{RESULTS, Results};
+use crate::experiment::{COMPARISON, ExperimentResults};
+use crate::suite::results::{RESULTS, SuiteResults};
 use elunar_base::{Error, Result, atomic_write};
 use elunar_learn::train::run::RECORD;
 use html::escaped;
@@ -27,9 +27,9 @@ pub fn write(folders: &[PathBuf], page: &Path) -> Result<()> {
 
 fn section(folder: &Path) -> Result<String> {
     if folder.join(COMPARISON).exists() {
-        sections::experiments(folder, &Comparison::read(folder)?)
+        sections::experiments(folder, &ExperimentResults::read(folder)?)
     } else if folder.join(RESULTS).exists() {
-        sections::suite(folder, &Results::read(folder)?)
+        sections::suite(folder, &SuiteResults::read(folder)?)
     } else if folder.join(RECORD).exists() {
         sections::training(folder)
     } else if let Some(page) = record::section(folder)? {

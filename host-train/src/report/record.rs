@@ -2,7 +2,7 @@
 
 use super::html::{Picture, escaped, figure};
 use super::sections::html;
-use crate::suite::tables::Table;
+use crate::suite::tables::TextTable;
 use elunar_base::{Error, Result, read};
 use std::path::{Path, PathBuf};
 
@@ -52,7 +52,7 @@ fn stem(path: &Path) -> String {
 }
 
 /// Reads a table with a head line and rows of the same length.
-fn read(path: &Path) -> Result<Table> {
+fn read(path: &Path) -> Result<TextTable> {
     let text = read::bytes(path, read::MOST_BYTES)?;
     let mut reader = csv::ReaderBuilder::new().has_headers(false).from_reader(text.as_slice());
     let mut rows = vec![];
@@ -63,7 +63,7 @@ fn read(path: &Path) -> Result<Table> {
     if rows.is_empty() {
         return Err(Error::broken(path, "expected a head line, found nothing"));
     }
-    Ok(Table { heading: rows.remove(0), rows })
+    Ok(TextTable { heading: rows.remove(0), rows })
 }
 
 #[cfg(test)]

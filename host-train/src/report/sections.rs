@@ -2,16 +2,16 @@
 
 use super::html::{Cell, Picture, escaped, figure, table};
 use crate::experiment::train::TRAINING;
-use crate::experiment::{Comparison, TEST, table as comparison_tables};
-use crate::suite::results::{Results, SceneResult};
-use crate::suite::tables::{self, Table};
+use crate::experiment::{ExperimentResults, TEST, table as comparison_tables};
+use crate::suite::results::{SceneResult, SuiteResults};
+use crate::suite::tables::{self, TextTable};
 use elunar_base::Result;
 use elunar_learn::train::curves::{CURVES, draw};
-use elunar_learn::train::run::Record;
+use elunar_learn::train::run::RunRecord;
 use std::path::Path;
 
 /// Returns the section about a test suite.
-pub(super) fn suite(folder: &Path, results: &Results) -> Result<String> {
+pub(super) fn suite(folder: &Path, results: &SuiteResults) -> Result<String> {
     let methods: String = results
         .methods
         .iter()
@@ -87,7 +87,7 @@ fn pictures(folder: &Path, scene: &SceneResult) -> Result<String> {
 }
 
 /// Returns the section about a comparison of experiments, with its test suite.
-pub(super) fn experiments(folder: &Path, comparison: &Comparison) -> Result<String> {
+pub(super) fn experiments(folder: &Path, comparison: &ExperimentResults) -> Result<String> {
     let answers: String = comparison
         .trained
         .iter()
@@ -120,7 +120,7 @@ pub(super) fn experiments(folder: &Path, comparison: &Comparison) -> Result<Stri
 
 /// Returns the section about a training run.
 pub(super) fn training(folder: &Path) -> Result<String> {
-    let record = Record::read(folder)?;
+    let record = RunRecord::read(folder)?;
     draw(folder)?;
     let picture = Picture { file: folder.join(CURVES), caption: format!("{} steps", record.recipe.steps) };
     let about = serde_json::to_string_pretty(&record).unwrap_or_default();
@@ -133,7 +133,7 @@ pub(super) fn training(folder: &Path) -> Result<String> {
 }
 
 /// Returns a table. In every group of rows (equal first cells), the best is marked if the column has a merit.
-pub(super) fn html(of: &Table) -> String {
+pub(super) fn html(of: &TextTable) -> String {
     let merits: Vec<Option<f64>> = of.heading.iter().map(|heading| merit(heading)).collect();
     let cell = |row: &Vec<String>, col: usize| {
         let text = row[col].clone();

@@ -4,10 +4,10 @@
 use super::real::means;
 use elunar_base::Result;
 use elunar_raster::Raster;
-use elunar_scene::predict::{Input, Scene};
+use elunar_scene::predict::{NamedRaster, Scene};
 
 /// Image and coarse DTM, each on its own grid.
-pub struct Pair<'a> {
+pub struct ImageAndCoarse<'a> {
     /// The scene's name, for errors.
     pub name: &'a str,
     /// The image.
@@ -16,7 +16,7 @@ pub struct Pair<'a> {
     pub coarse: &'a Raster,
 }
 
-impl Pair<'_> {
+impl ImageAndCoarse<'_> {
     /// Predicts with pixels 2^`scales` times as wide as the image's, then with half of that, until twice the image's. Returns the scene at
     /// the image's resolution whose coarse DTM is the last of these DTMs.
     ///
@@ -24,7 +24,7 @@ impl Pair<'_> {
     /// If the image is narrower than the widest pixel, or a scene cannot be made or predicted.
     pub fn refined(&self, scales: u32, predict: &mut dyn FnMut(&Scene) -> Result<Raster>) -> Result<Scene> {
         let Self { name, image, coarse } = *self;
-        let input = |what: &str, raster: Raster| Input::in_memory(format!("{name}: {what}"), raster);
+        let input = |what: &str, raster: Raster| NamedRaster::in_memory(format!("{name}: {what}"), raster);
         let mut coarse = coarse.clone();
         for scale in (1..=scales).rev() {
             let wide = input("averaged image", means(image, name, 1 << scale, 1.0)?);
@@ -52,7 +52,7 @@ mod tests {
     #[test]
     fn every_scale_hands_its_dtm_to_the_next() {
         let (image, coarse) = (raster(64, 80, 2.0, |_, _| 1.0), raster(16, 20, 32.0, |_, _| -7.0));
-        let pair = Pair { name: "a", image: &image, coarse: &coarse };
+        let pair = ImageAndCoarse { name: "a", image: &image, coarse: &coarse };
         let mut seen = vec![];
         let last = pair
             .refined(2, &mut |scene| {

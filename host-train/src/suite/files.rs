@@ -1,6 +1,6 @@
 //! The names of all files of a suite, so that they are known before the work starts.
 
-use super::list::Entry;
+use super::list::SuiteScene;
 use super::results::RESULTS;
 use super::{DTMS, SCENES};
 
@@ -59,7 +59,7 @@ pub(super) fn dtm_file(method: &str, scene: &str) -> String {
 }
 
 /// Returns all files of a suite of the scenes of a list.
-pub fn of_suite(list: &[Entry], methods: &[&str]) -> Vec<String> {
+pub fn of_suite(list: &[SuiteScene], methods: &[&str]) -> Vec<String> {
     let names = || list.iter().map(|entry| entry.name.as_str());
     let mut grounds = vec![];
     for (k, second) in list.iter().enumerate() {

@@ -7,7 +7,7 @@
 //! Both know truths, so they are bounds and no competitors. They are not strict: sums are over neighbouring waves of windowed maps, and the
 //! least squares are of heights.
 
-use super::list::Entry;
+use super::list::SuiteScene;
 use super::scene::TestScene;
 use elunar_base::{Error, Result};
 use elunar_core::norm::Anchor;
@@ -39,8 +39,8 @@ const GROUND_PX: (usize, usize) = (TILE_ROWS, TILE_COLS);
 const PIXEL_M: (f64, f64) = (1.0, 8.0);
 
 /// Returns the first scene whose Sun is not known. Its light cannot be given to other grounds.
-pub(super) fn without_sun(scenes: &[Entry]) -> Option<&Entry> {
-    let known = |scene: &Entry| scene.sun_azimuth_deg.is_some() && scene.sun_elevation_deg.is_some();
+pub(super) fn without_sun(scenes: &[SuiteScene]) -> Option<&SuiteScene> {
+    let known = |scene: &SuiteScene| scene.sun_azimuth_deg.is_some() && scene.sun_elevation_deg.is_some();
     scenes.iter().find(|scene| scene.synth.is_none() && !known(scene))
 }
 
@@ -174,8 +174,9 @@ mod tests {
     fn a_scene_without_a_sun_is_found() {
         let list = List::built_in().unwrap();
         assert!(without_sun(&list.scene).is_none());
-        let file = Entry { truth: Some("t.tif".into()), sun_azimuth_deg: Some(90.0), ..Entry::named("f".into()) };
+        let file =
+            SuiteScene { truth: Some("t.tif".into()), sun_azimuth_deg: Some(90.0), ..SuiteScene::named("f".into()) };
         assert_eq!(without_sun(std::slice::from_ref(&file)).map(|scene| scene.name.as_str()), Some("f"));
-        assert!(without_sun(&[Entry { sun_elevation_deg: Some(20.0), ..file }]).is_none());
+        assert!(without_sun(&[SuiteScene { sun_elevation_deg: Some(20.0), ..file }]).is_none());
     }
 }

@@ -20,14 +20,14 @@ pub struct List {
     #[serde(default)]
     pub about: String,
     /// The scenes.
-    pub scene: Vec<Entry>,
+    pub scene: Vec<SuiteScene>,
 }
 
 /// One scene: a synthetic one (`synth`), or files. Of the files, only `truth` is required. A missing image is rendered from the truth (with
 /// the Sun given), and a missing coarse DTM is averaged from it.
 #[derive(Debug, Clone, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Entry {
+pub struct SuiteScene {
     /// Name of the scene: letters, digits, `-`, `_` and `.`, because it becomes part of file names.
     pub name: String,
     /// Kind of ground or of data. Scenes of one kind are summarised together.
@@ -137,7 +137,7 @@ pub fn is_plain(name: &str) -> bool {
     !name.is_empty() && !name.starts_with('.') && name.chars().all(plain)
 }
 
-impl Entry {
+impl SuiteScene {
     /// Makes an entry without scene, files or Sun.
     pub(super) fn named(name: String) -> Self {
         Self {
@@ -206,7 +206,8 @@ mod tests {
         let list = List::built_in().unwrap();
         let kinds: BTreeSet<&str> = list.scene.iter().map(|s| s.kind.as_str()).collect();
         assert!(kinds.contains("mare") && kinds.contains("highland"), "{kinds:?}");
-        let twice = |s: &Entry| s.ground.is_some() && list.scene.iter().filter(|o| o.ground == s.ground).count() >= 2;
+        let twice =
+            |s: &SuiteScene| s.ground.is_some() && list.scene.iter().filter(|o| o.ground == s.ground).count() >= 2;
         assert!(list.scene.iter().filter(|s| twice(s)).count() >= 4);
         for entry in &list.scene {
             // Training uses small seeds. Validation and tours use other ranges.

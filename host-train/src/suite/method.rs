@@ -1,6 +1,6 @@
 //! Methods to be scored: networks with their usage, and existing DTMs.
 
-use super::coarse_to_fine::Pair;
+use super::coarse_to_fine::ImageAndCoarse;
 use super::linear::{self, Teacher};
 use super::list::is_plain;
 use super::results::{LINEAR_BOUND, LINEAR_OWN, MethodInfo, UNTRAINED};
@@ -12,9 +12,9 @@ use elunar_learn::model::backend::Backend;
 use elunar_net::illumination::{KnownSun, LightSource};
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::{Raster, heights};
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::untrained::Untrained;
-use elunar_scene::predict::{Options, Prediction, Scene, predict};
+use elunar_scene::predict::{PredictOptions, Prediction, Scene, predict};
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -34,7 +34,7 @@ pub enum DtmSource {
     /// A network.
     Network {
         /// The network.
-        model: Box<dyn Model>,
+        model: Box<dyn TileModel>,
         /// Usage of the network.
         usage: Usage,
     },
@@ -55,7 +55,7 @@ pub struct Usage {
     pub tell_sun: bool,
     /// Number of threads; 0 takes as many as the machine offers.
     pub threads: usize,
-    /// Number of coarser scales that are predicted first, each with pixels twice as wide as the next ([`Pair::refined`]); 0 for none.
+    /// Number of coarser scales that are predicted first, each with pixels twice as wide as the next ([`ImageAndCoarse::refined`]); 0 for none.
     pub coarser_scales: u32,
 }
 
@@ -128,11 +128,11 @@ impl Method {
                 Ok((onto(Named::new(&self.name, &dtm), truth, Interpolation::Bilinear)?, None))
             }
             DtmSource::Network { model, usage } => {
-                let overlap_px = Options::overlap_for(model.tile());
+                let overlap_px = PredictOptions::overlap_for(model.tile());
                 let (azimuth_deg, elevation_deg) = if usage.tell_sun { scene.sun_deg } else { (None, None) };
                 let sun = KnownSun { azimuth_deg, elevation_deg };
                 let Usage { anchor, threads, coarser_scales, .. } = *usage;
-                let options = Options { overlap_px, anchor, threads, sun, ..Options::default() };
+                let options = PredictOptions { overlap_px, anchor, threads, sun, ..PredictOptions::default() };
                 let start = Instant::now();
                 let progress =
                     |_, _| if interrupt::requested() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) };
@@ -148,7 +148,8 @@ impl Method {
                 let Prediction { dtm, tally } = if coarser_scales == 0 {
                     at(&scene.input)?
                 } else {
-                    let pair = Pair { name: &scene.entry.name, image: &scene.raw_image, coarse: &scene.coarse };
+                    let pair =
+                        ImageAndCoarse { name: &scene.entry.name, image: &scene.raw_image, coarse: &scene.coarse };
                     let mut predict = |scene: &Scene| {
                         let coarse_m = f64::from(scene.coarse_px * scene.pixel_m);
                         aligned(at(scene)?.dtm, scene, coarse_m)
@@ -198,7 +199,7 @@ fn check(name: &str) -> Result<()> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::suite::list::{Entry, SynthEntry};
+    use crate::suite::list::{SuiteScene, SynthEntry};
     use elunar_learn::model::init::initial_weights;
     use elunar_net::config::{Preset, trained_network};
     use elunar_synth::SynthOptions;
@@ -211,7 +212,7 @@ mod tests {
         initial_weights(&trained_network(Preset::Nano), 3).write(&path).unwrap();
         let options = SynthOptions { rows: 256, cols: 330, ..SynthOptions::default() };
         let synth = Some(SynthEntry { seed: 500_001, index: 0, options });
-        let scene = TestScene::make(&Entry { synth, ..Entry::named("a".into()) }).unwrap();
+        let scene = TestScene::make(&SuiteScene { synth, ..SuiteScene::named("a".into()) }).unwrap();
         let coarse = scene.input.coarse_raster().unwrap();
         for usage in [Usage::default(), Usage { tell_sun: false, anchor: false, ..Usage::default() }] {
             let (expected, _) = Method::network("net", &path, usage).unwrap().dtm(&scene).unwrap();

@@ -23,7 +23,7 @@ use elunar_raster::geotiff::{WriteOptions, write};
 use linear::Teacher;
 use list::List;
 use method::{Method, Usage};
-use results::{COARSE, MethodInfo, Results};
+use results::{COARSE, MethodInfo, SuiteResults};
 use scene::TestScene;
 use score::Seen;
 use std::path::Path;
@@ -67,7 +67,7 @@ pub fn run(
     methods: &[Method],
     out: &Path,
     progress: &mut dyn FnMut(&str),
-) -> Result<Results> {
+) -> Result<SuiteResults> {
     if let Some(scene) = linear::without_sun(&list.scene).filter(|_| baselines.linear_bound) {
         let what = "expected the Sun's azimuth and elevation in every scene for the linear bound, found none in";
         return Err(Error::input(format!("{}: {what} {}", list.name, scene.name)));
@@ -160,7 +160,7 @@ pub fn write_scenes(list: &List, out: &Path) -> Result<()> {
     atomic_write(&folder.join(files::TABLE), &to_csv(rows)?)
 }
 
-fn empty(list: &List, methods: &[&Method]) -> Results {
+fn empty(list: &List, methods: &[&Method]) -> SuiteResults {
     let coarse = MethodInfo {
         name: COARSE.into(),
         description: "coarse DTM, interpolated bicubically".into(),
@@ -168,7 +168,7 @@ fn empty(list: &List, methods: &[&Method]) -> Results {
         co_alignment: Default::default(),
         sun_told: false,
     };
-    Results {
+    SuiteResults {
         software: concat!("host-train ", env!("CARGO_PKG_VERSION")).into(),
         suite: list.name.clone(),
         about: list.about.clone(),

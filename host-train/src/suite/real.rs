@@ -1,7 +1,7 @@
 //! The built-in list of real scenes: images with a DTM of stereo or altimetry, from a folder of these data sets.
 
 use super::files::map_file;
-use super::list::{Entry, List};
+use super::list::{List, SuiteScene};
 use elunar_base::{Error, Result};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::{Crs, GeoRef, Raster, source};
@@ -94,7 +94,7 @@ fn window_name(prefix: &str, number: usize) -> String {
     format!("{prefix}_{number}")
 }
 
-fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
+fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<SuiteScene>> {
     let read = |file: &str| -> Result<(Raster, GeoRef)> {
         let raster = source::read(&folder.join(file))?;
         let unplaced = || Error::input(format!("{}: expected a place, found none", folder.join(file).display()));
@@ -140,7 +140,7 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<Entry>> {
 }
 
 /// Writes a scene, with its coarse DTM averaged from the truth.
-fn scene(set: &Set, name: String, [image, truth]: [Raster; 2], out: &Path) -> Result<Entry> {
+fn scene(set: &Set, name: String, [image, truth]: [Raster; 2], out: &Path) -> Result<SuiteScene> {
     let column = |map: &Raster| map.georef.as_ref().map_or(1.0, |georef| georef.transform[1].abs());
     let side = ((set.coarse_px as f64 * column(&image) / column(&truth)).round_ties_even() as usize).max(1);
     let coarse = means(&truth, &name, side, LEAST_VALID[0])?;
@@ -149,13 +149,13 @@ fn scene(set: &Set, name: String, [image, truth]: [Raster; 2], out: &Path) -> Re
     write(&path("image"), &image, &WriteOptions::image(SampleType::F32, "image of a real scene"))?;
     write(&path("coarse"), &coarse, &WriteOptions::heights("truth of a real scene, averaged"))?;
     write(&path("truth"), &truth, &WriteOptions::heights("true DTM of a real scene"))?;
-    Ok(Entry {
+    Ok(SuiteScene {
         kind: set.kind.into(),
         image: Some(path("image")),
         coarse: Some(path("coarse")),
         truth: Some(path("truth")),
         truth_resolution_m: Some(RESOLUTION_PX * column(&truth)),
-        ..Entry::named(name)
+        ..SuiteScene::named(name)
     })
 }
 

@@ -18,7 +18,7 @@ pub const LINEAR_OWN: &str = "linear-own";
 
 /// All results of a suite.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Results {
+pub struct SuiteResults {
     /// Program and version.
     pub software: String,
     /// Name of the suite.
@@ -129,7 +129,7 @@ impl CrossResult {
     }
 }
 
-impl Results {
+impl SuiteResults {
     /// Reads the results of a folder.
     ///
     /// # Errors

@@ -1,13 +1,13 @@
 //! The scene of a list's entry: image, coarse DTM and truth are read, rendered or made.
 
 use super::files::map_file;
-use super::list::Entry;
+use super::list::SuiteScene;
 use elunar_base::{Error, Result};
 use elunar_raster::align::{Interpolation, Named, onto};
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::stated::Statements;
 use elunar_raster::{GeoRef, Raster, heights, source};
-use elunar_scene::predict::{Input, Scene};
+use elunar_scene::predict::{NamedRaster, Scene};
 use elunar_synth::{COARSE_PIXEL_M, Moon, photograph};
 use std::path::{Path, PathBuf};
 
@@ -19,7 +19,7 @@ const CAMERA_SEED: u64 = 1;
 /// A scene in memory.
 pub struct TestScene {
     /// The entry of the list.
-    pub entry: Entry,
+    pub entry: SuiteScene,
     /// Image and coarse DTM as input of a network.
     pub input: Scene,
     /// The image on the truth's grid.
@@ -45,7 +45,7 @@ impl TestScene {
     ///
     /// # Errors
     /// If files cannot be read or do not fit each other, or a synthetic scene's options are out of range.
-    pub fn make(entry: &Entry) -> Result<Self> {
+    pub fn make(entry: &SuiteScene) -> Result<Self> {
         let (image, coarse, truth, sun_deg) = match &entry.synth {
             Some(synth) => {
                 let made = Moon::new(synth.seed, synth.options.clone())?;
@@ -62,8 +62,10 @@ impl TestScene {
         let (row_m, col_m) =
             coarse.pixel_m().ok_or_else(|| Error::input(format!("{coarse_name}: pixel size unknown")))?;
         let coarse_m = (row_m * col_m).sqrt();
-        let input =
-            Scene::new(Input::in_memory(named("image"), image.clone()), Input::in_memory(coarse_name, coarse.clone()))?;
+        let input = Scene::new(
+            NamedRaster::in_memory(named("image"), image.clone()),
+            NamedRaster::in_memory(coarse_name, coarse.clone()),
+        )?;
         let on_truth =
             onto(Named::new(&named("image"), &image), Named::new(&truth_name, &truth), Interpolation::Bilinear)?;
         Ok(Self {
@@ -98,7 +100,7 @@ impl TestScene {
 /// Image, coarse DTM, truth, and the Sun's azimuth and elevation.
 type Parts = (Raster, Raster, Raster, (Option<f64>, Option<f64>));
 
-fn files(entry: &Entry) -> Result<Parts> {
+fn files(entry: &SuiteScene) -> Result<Parts> {
     let srs = entry.crs().map_err(Error::input)?;
     let stated = || Statements { srs: srs.clone(), unit: None };
     let read = |path: &PathBuf, is_image: bool| -> Result<Raster> {
@@ -131,7 +133,7 @@ fn files(entry: &Entry) -> Result<Parts> {
     Ok((image, coarse, truth, sun))
 }
 
-fn coarse_px(entry: &Entry, truth: &Raster) -> Result<usize> {
+fn coarse_px(entry: &SuiteScene, truth: &Raster) -> Result<usize> {
     let side_m = truth.pixel_m().map(|(row_m, col_m)| (row_m * col_m).sqrt());
     let side_m =
         side_m.ok_or_else(|| Error::input(format!("scene {}: pixel size of the truth unknown", entry.name)))?;

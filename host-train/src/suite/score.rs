@@ -6,7 +6,7 @@ use super::scene::TestScene;
 use elunar_base::{Error, Result};
 use elunar_core::metrics::HeightErrors;
 use elunar_evaluate::lowpass::high_pass;
-use elunar_evaluate::{Candidate, Comparison, Light, compare, relief, spectral};
+use elunar_evaluate::{Candidate, Comparison, ImageLight, compare, relief, spectral};
 use elunar_raster::Raster;
 use elunar_raster::align::Named;
 
@@ -33,7 +33,8 @@ pub fn score(scene: &TestScene, methods: &[&Method]) -> Result<ScoredScene> {
     let comparison = compare(Named::new(&truth_name, &scene.truth), &candidates, scene.entry.truth_resolution_m)?;
     let seconds = std::iter::once(None).chain(made.iter().map(|(_, seconds)| *seconds));
     let light = scene.sun_deg.0.zip(scene.sun_deg.1);
-    let light = light.map(|(azimuth_deg, elevation_deg)| Light { image: &scene.image, azimuth_deg, elevation_deg });
+    let light =
+        light.map(|(azimuth_deg, elevation_deg)| ImageLight { image: &scene.image, azimuth_deg, elevation_deg });
     let scored = comparison.scored.iter().zip(seconds).map(|(scored, seconds)| {
         Ok(MethodScores {
             method: scored.name.clone(),

@@ -1,6 +1,6 @@
 //! Summaries over the scenes of a kind, and over all scenes.
 
-use super::results::{COARSE, MethodScores, Results, UNTRAINED};
+use super::results::{COARSE, MethodScores, SuiteResults, UNTRAINED};
 use serde::Serialize;
 
 /// Name of the summary over all scenes.
@@ -8,7 +8,7 @@ pub const ALL: &str = "all";
 
 /// Scores of a method over several scenes. Means are over scenes, each with the same weight.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Summary {
+pub struct SuiteSummary {
     /// Kind of the scenes, or [`ALL`].
     pub kind: String,
     /// The method.
@@ -51,7 +51,7 @@ pub struct Summary {
 
 /// Returns the summaries of every method over every kind of scene, then over all. Scenes with a weak truth are left out.
 #[must_use]
-pub fn summaries(results: &Results) -> Vec<Summary> {
+pub fn summaries(results: &SuiteResults) -> Vec<SuiteSummary> {
     let scenes: Vec<_> = results.scenes.iter().filter(|scene| !scene.weak_truth).collect();
     let mut kinds: Vec<&str> = vec![];
     for scene in &scenes {
@@ -84,13 +84,13 @@ fn summary(
     scored: &[MethodScores],
     coarse: &[MethodScores],
     untrained: &[MethodScores],
-) -> Summary {
+) -> SuiteSummary {
     let rms = |of: &[MethodScores]| mean(of, |j| j.heights.rmse_m.powi(2)).sqrt();
     let slope = |of: &[MethodScores]| known(of, |j| j.relief.slope_vector_error);
     let bright = known(scored, |j| j.relief.bright.map(|side| side.slope_vector_error));
     let shaded = known(scored, |j| j.relief.shaded.map(|side| side.slope_vector_error));
     let count = scored.len() as f64;
-    Summary {
+    SuiteSummary {
         kind: kind.into(),
         method: method.into(),
         scenes: scored.len(),
@@ -173,7 +173,7 @@ pub(crate) mod tests {
         MethodScores { method: method.into(), heights, relief, spectral: Some(spectral), seconds: None }
     }
 
-    pub(crate) fn results() -> Results {
+    pub(crate) fn results() -> SuiteResults {
         let scene = |name: &str, kind: &str, weak_truth: bool, scored: Vec<MethodScores>| SceneResult {
             name: name.into(),
             kind: kind.into(),
@@ -195,7 +195,7 @@ pub(crate) mod tests {
             co_alignment: CoAlignment::None,
             sun_told: true,
         };
-        Results {
+        SuiteResults {
             software: "test".into(),
             suite: "made up".into(),
             about: "About <it>.".into(),
@@ -218,7 +218,7 @@ pub(crate) mod tests {
     }
 
     /// Returns [`results`] with the pipeline without training among the methods.
-    pub(crate) fn with_untrained() -> Results {
+    pub(crate) fn with_untrained() -> SuiteResults {
         let mut made = results();
         made.methods.insert(1, MethodInfo { name: UNTRAINED.into(), ..made.methods[1].clone() });
         for (scene, (rmse_m, slope)) in made.scenes.iter_mut().zip([(2.0, 0.08), (2.5, 0.20), (500.0, 9.0)]) {

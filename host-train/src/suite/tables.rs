@@ -1,13 +1,13 @@
 //! The scores as tables: Markdown for reading, CSV for computing. Both, and the report, use the same columns.
 
-use super::results::{COARSE, MethodScores, Results};
-use super::summary::{Summary, summaries};
+use super::results::{COARSE, MethodScores, SuiteResults};
+use super::summary::{SuiteSummary, summaries};
 use elunar_base::Result;
 use elunar_base::table::to_csv;
 
 /// A table of text: heading and rows of the same length.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Table {
+pub struct TextTable {
     /// Names of the columns, with units.
     pub heading: Vec<String>,
     /// The rows.
@@ -30,7 +30,7 @@ fn heading(names: &[&str]) -> Vec<String> {
 
 /// Returns what learning adds: the errors of every method over those of the pipeline without training. Empty for results without it.
 #[must_use]
-pub fn learning(results: &Results) -> Table {
+pub fn learning(results: &SuiteResults) -> TextTable {
     let names = [
         "scenes",
         "method",
@@ -39,20 +39,20 @@ pub fn learning(results: &Results) -> Table {
         "RMSE / coarse",
         "slope vector error / coarse",
     ];
-    let compared = |sum: &Summary| sum.method != COARSE && sum.rmse_over_untrained.is_some();
-    let row = |sum: &Summary| {
+    let compared = |sum: &SuiteSummary| sum.method != COARSE && sum.rmse_over_untrained.is_some();
+    let row = |sum: &SuiteSummary| {
         let words = vec![sum.kind.clone(), sum.method.clone()];
         let ratios =
             [sum.rmse_over_untrained, sum.slope_vector_over_untrained, Some(sum.rmse_ratio), sum.slope_vector_ratio];
         [words, ratios.map(|ratio| digits(ratio, 3)).to_vec()].concat()
     };
     let rows = summaries(results).iter().filter(|sum| compared(sum)).map(row).collect();
-    Table { heading: heading(&names), rows }
+    TextTable { heading: heading(&names), rows }
 }
 
 /// Returns the table of every method on every scene: the paper's Table VI, and the relief.
 #[must_use]
-pub fn scenes(results: &Results) -> Table {
+pub fn scenes(results: &SuiteResults) -> TextTable {
     let names = [
         "scene",
         "method",
@@ -81,7 +81,7 @@ pub fn scenes(results: &Results) -> Table {
         let coarse = scene.scored.first();
         rows.extend(scene.scored.iter().map(|scored| [vec![scene.name.clone()], scene_row(scored, coarse)].concat()));
     }
-    Table { heading: heading(&names), rows }
+    TextTable { heading: heading(&names), rows }
 }
 
 fn scene_row(scored: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
@@ -124,7 +124,7 @@ fn half_coherence(scored: &MethodScores) -> String {
 
 /// Returns the table of every method over every kind of scene, and over all.
 #[must_use]
-pub fn sums(results: &Results) -> Table {
+pub fn sums(results: &SuiteResults) -> TextTable {
     let names = [
         "scenes",
         "method",
@@ -147,10 +147,10 @@ pub fn sums(results: &Results) -> Table {
         "time, s",
         "half-coherence wavelength, m",
     ];
-    Table { heading: heading(&names), rows: summaries(results).iter().map(sum_row).collect() }
+    TextTable { heading: heading(&names), rows: summaries(results).iter().map(sum_row).collect() }
 }
 
-fn sum_row(sum: &Summary) -> Vec<String> {
+fn sum_row(sum: &SuiteSummary) -> Vec<String> {
     let percent = |k: usize| digits(Some(100.0 * sum.share_within[k]), 1);
     vec![
         sum.kind.clone(),
@@ -178,7 +178,7 @@ fn sum_row(sum: &Summary) -> Vec<String> {
 
 /// Returns the table of grounds under two Suns (Fig. 14), which may be empty.
 #[must_use]
-pub fn cross(results: &Results) -> Table {
+pub fn cross(results: &SuiteResults) -> TextTable {
     let names = [
         "ground",
         "method",
@@ -201,10 +201,10 @@ pub fn cross(results: &Results) -> Table {
             digits(found.high_pass_m.1, 3),
         ]
     };
-    Table { heading: heading(&names), rows: results.cross.iter().map(row).collect() }
+    TextTable { heading: heading(&names), rows: results.cross.iter().map(row).collect() }
 }
 
-impl Table {
+impl TextTable {
     /// Returns the table as Markdown, or an empty text without rows.
     #[must_use]
     pub fn markdown(&self) -> String {
@@ -234,7 +234,7 @@ impl Table {
 
 /// Returns the results of the whole suite in Markdown.
 #[must_use]
-pub fn markdown(results: &Results) -> String {
+pub fn markdown(results: &SuiteResults) -> String {
     let methods: String = results
         .methods
         .iter()

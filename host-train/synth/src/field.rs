@@ -38,8 +38,8 @@ impl Spectrum {
     }
 }
 
-/// FFT plans for one grid. [`Plan::amplitudes`] computes amplitudes per spectrum.
-pub(super) struct Plan {
+/// FFT plans for one grid. [`FieldPlan::amplitudes`] computes amplitudes per spectrum.
+pub(super) struct FieldPlan {
     rows: usize,
     cols: usize,
     pixel_m: f64,
@@ -47,11 +47,11 @@ pub(super) struct Plan {
     along_cols: Arc<dyn Fft<f32>>,
 }
 
-/// Root-mean-square size of each wave of a [`Plan`]'s grid, for one quarter of the plane. The rest is symmetric.
+/// Root-mean-square size of each wave of a [`FieldPlan`]'s grid, for one quarter of the plane. The rest is symmetric.
 pub(super) struct Amplitudes(Vec<f32>);
 
-impl Plan {
-    /// Makes a plan for fields of at least `rows` × `cols` pixels of `pixel_m` metres; see [`Plan::shape`].
+impl FieldPlan {
+    /// Makes a plan for fields of at least `rows` × `cols` pixels of `pixel_m` metres; see [`FieldPlan::shape`].
     pub(super) fn new(rows: usize, cols: usize, pixel_m: f64) -> Self {
         let (rows, cols) = (fft_size(rows), fft_size(cols));
         let mut planner = FftPlanner::new();
@@ -204,7 +204,7 @@ mod tests {
 
     #[test]
     fn fields_have_the_variance_of_their_spectrum_and_are_independent() {
-        let plan = Plan::new(60, 100, 2.0);
+        let plan = FieldPlan::new(60, 100, 2.0);
         assert_eq!(plan.shape(), (60, 100));
         let amplitudes = plan.amplitudes(&SPECTRUM);
         // Every wave of the plane by the definition: density k·P(k)/(2πk²) times the area of its cell.
@@ -234,7 +234,7 @@ mod tests {
 
     #[test]
     fn long_waves_have_the_variance_that_the_grid_lacks() {
-        let plan = Plan::new(60, 100, 2.0);
+        let plan = FieldPlan::new(60, 100, 2.0);
         let (low, high) = (TAU / LONGEST_M, (TAU / 120.0 * TAU / 200.0 / std::f64::consts::PI).sqrt());
         // Integral of the spectrum over the logarithm of k, by the midpoint rule.
         let steps = 2000;

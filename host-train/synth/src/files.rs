@@ -13,7 +13,7 @@ const PLACE_M: (f64, f64) = (697_000.0, 30_000.0);
 /// Distance from one scene's left edge to the next, metres.
 const SPACING_M: f64 = 20_000.0;
 
-/// File name of a [`Manifest`].
+/// File name of a [`SynthManifest`].
 pub const MANIFEST: &str = "manifest.json";
 /// The maps of a scene.
 const MAPS: [&str; 3] = ["image", "coarse", "truth"];
@@ -34,7 +34,7 @@ fn file_name(scene: &str, what: &str) -> String {
 
 /// Contents of a folder of synthetic scenes, and all that is needed to make it again.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+pub struct SynthManifest {
     /// Program and version that made the folder.
     pub made_by: String,
     /// Seed of the Moon.
@@ -45,7 +45,7 @@ pub struct Manifest {
     pub scenes: Vec<SceneEntry>,
 }
 
-/// One scene of a [`Manifest`].
+/// One scene of a [`SynthManifest`].
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
 pub struct SceneEntry {
     /// Common beginning of its file names.
@@ -60,7 +60,7 @@ pub struct SceneEntry {
     pub sun_elevation_deg: f64,
 }
 
-impl Manifest {
+impl SynthManifest {
     /// Writes `manifest.json` into `folder`.
     ///
     /// # Errors
@@ -168,9 +168,10 @@ mod tests {
     #[test]
     fn manifests_survive_the_round_trip() {
         let folder = tempfile::tempdir().unwrap();
-        let manifest = Manifest { made_by: "test".into(), seed: 5, options: SynthOptions::default(), scenes: vec![] };
+        let manifest =
+            SynthManifest { made_by: "test".into(), seed: 5, options: SynthOptions::default(), scenes: vec![] };
         manifest.write(folder.path()).unwrap();
         let text = std::fs::read_to_string(folder.path().join("manifest.json")).unwrap();
-        assert_eq!(serde_json::from_str::<Manifest>(&text).unwrap(), manifest);
+        assert_eq!(serde_json::from_str::<SynthManifest>(&text).unwrap(), manifest);
     }
 }

@@ -25,7 +25,7 @@ mod smooth;
 pub mod structure;
 
 pub use coarse::{COARSE_PIXEL_M, CoarseGrid};
-pub use files::{MANIFEST, Manifest, SceneEntry, scene_files};
+pub use files::{MANIFEST, SceneEntry, SynthManifest, scene_files};
 pub use kind::TerrainKind;
 pub use moon::{Moon, SynthScene, SynthTile};
 pub use options::SynthOptions;

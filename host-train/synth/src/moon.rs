@@ -4,7 +4,7 @@ use super::camera::Exposure;
 use super::coarse::{self, COARSE_PIXEL_M, CoarseGrid, Flaws, Ground};
 use super::crater::{self, Profiles};
 use super::factors::{Factors, within};
-use super::field::{Amplitudes, Plan, Spectrum};
+use super::field::{Amplitudes, FieldPlan, Spectrum};
 use super::light::{Sun, reflectance};
 use super::smooth::smooth;
 use super::{SynthOptions, TerrainKind, albedo, boulder, landform};
@@ -111,7 +111,7 @@ struct Workshop {
     rows: usize,
     cols: usize,
     margin_px: usize,
-    plan: Plan,
+    plan: FieldPlan,
     mare: Amplitudes,
     highland: Amplitudes,
     albedo: Amplitudes,
@@ -120,7 +120,7 @@ struct Workshop {
 impl Workshop {
     fn new(rows: usize, cols: usize, options: &SynthOptions) -> Self {
         let margin_px = (coarse::margin_m(options.misregistration_m) / options.pixel_m).ceil() as usize + 1;
-        let plan = Plan::new(rows + 2 * margin_px, cols + 2 * margin_px, options.pixel_m);
+        let plan = FieldPlan::new(rows + 2 * margin_px, cols + 2 * margin_px, options.pixel_m);
         let amplitudes = |kind: TerrainKind| plan.amplitudes(&kind.recipe().spectrum);
         let (mare, highland) = (amplitudes(TerrainKind::Mare), amplitudes(TerrainKind::Highland));
         let albedo = plan.amplitudes(&ALBEDO);

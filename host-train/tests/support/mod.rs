@@ -4,7 +4,7 @@
 #![allow(dead_code)]
 
 use elunar_learn::model::init::initial_weights;
-use elunar_net::config::{Head, NetConfig, Preset};
+use elunar_net::config::{NetConfig, OutputHead, Preset};
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::PathBuf;
 use std::process::{Command, Output};
@@ -31,7 +31,7 @@ impl Shell {
             stem: 1,
             dtm: [1; 5],
             decoder: [2; 5],
-            head: Head::Residual,
+            head: OutputHead::Residual,
             ..NetConfig::preset(Preset::Nano)
         };
         initial_weights(&config, 1).write(&shell.path("small.safetensors")).unwrap();

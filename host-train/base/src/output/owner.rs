@@ -6,7 +6,7 @@
 
 use super::growing::without_following;
 use super::listing::Listing;
-use super::record::{Record, start_of};
+use super::record::{OutputRecord, start_of};
 use super::renewal::{Renewal, Succession, is_at, is_old};
 use super::target::check_target;
 use super::whole::UNFINISHED;
@@ -95,7 +95,7 @@ impl Owner {
     }
 
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
-        let here = Record::here();
+        let here = OutputRecord::here();
         remove_dead_claims(folder_of(&lock), &here);
         let own = |lock: PathBuf, (file, is_successor): Taken| {
             let renewal = Renewal::begin(&lock, &file).inspect_err(|_| drop(std::fs::remove_file(&lock)))?;
@@ -161,7 +161,7 @@ fn remove_unfinished(folder: &Path) {
 }
 
 /// Removes claims whose processes were killed before they could make them locks. One without a word in it is judged by its age.
-fn remove_dead_claims(folder: &Path, here: &Record) {
+fn remove_dead_claims(folder: &Path, here: &OutputRecord) {
     let empty_and_old = |found: std::fs::Metadata| {
         found.len() == 0 && found.modified().is_ok_and(|changed| is_old(changed, std::time::SystemTime::now()))
     };
@@ -172,8 +172,8 @@ fn remove_dead_claims(folder: &Path, here: &Record) {
         }
         let read = |path| text(&mut without_following(OpenOptions::new().read(true)).open(path).ok()?, path).ok();
         // Without its kernel's lock, nothing is known of a claim from another name space.
-        let known = |record: &Record| record.namespace == here.namespace || record.boot != here.boot;
-        let record = read(&path).and_then(|text| Record::parse(&text)).filter(known);
+        let known = |record: &OutputRecord| record.namespace == here.namespace || record.boot != here.boot;
+        let record = read(&path).and_then(|text| OutputRecord::parse(&text)).filter(known);
         if record.is_some_and(|record| record.has_ended(here, start_of)) {
             let _ = std::fs::remove_file(path);
         }
@@ -191,7 +191,7 @@ fn nameless(folder: &Path, end: &str) -> Vec<PathBuf> {
 }
 
 /// Writes the record into a nameless claim, under the kernel's lock. Only whole records get the lock's name.
-fn claim(lock: &Path, here: &Record) -> std::io::Result<NamedTempFile> {
+fn claim(lock: &Path, here: &OutputRecord) -> std::io::Result<NamedTempFile> {
     let mut builder = tempfile::Builder::new();
     // Others must be able to read who it is.
     #[cfg(unix)]
@@ -205,7 +205,7 @@ fn claim(lock: &Path, here: &Record) -> std::io::Result<NamedTempFile> {
 }
 
 /// Takes the place of an owner that has ended. `None` if the lock has just vanished or changed.
-fn succeed(output: &Path, lock: &Path, here: &Record, claim: NamedTempFile) -> Result<Option<Taken>> {
+fn succeed(output: &Path, lock: &Path, here: &OutputRecord, claim: NamedTempFile) -> Result<Option<Taken>> {
     check_target(lock)?;
     let mut options = OpenOptions::new();
     let mut file = match without_following(options.read(true)).open(lock) {
@@ -224,7 +224,7 @@ fn succeed(output: &Path, lock: &Path, here: &Record, claim: NamedTempFile) -> R
     }
     // A power cut may leave an empty file.
     if !text.is_empty() {
-        let Some(found) = Record::parse(&text) else {
+        let Some(found) = OutputRecord::parse(&text) else {
             let what = "the record of an owner expected, other text found; remove the file if nothing uses it";
             return Err(Error::usage(format!("{}: {what}", lock.display())));
         };
@@ -267,7 +267,7 @@ fn text(file: &mut File, lock: &Path) -> Result<String> {
 
 /// Returns the error of an output that another owns. If that cannot be judged from here, it says what the user may do.
 fn busy(output: &Path, lock: &Path, text: &str, unsure: bool) -> Error {
-    let who = Record::parse(text).map_or_else(|| "another process".into(), |record| record.who());
+    let who = OutputRecord::parse(text).map_or_else(|| "another process".into(), |record| record.who());
     let hint = if unsure { format!("; if that run is gone, remove {}", lock.display()) } else { String::new() };
     Error::busy(output, format!("{who}; try again when it has ended{hint}"))
 }
@@ -297,14 +297,14 @@ mod tests {
     fn a_lock_left_behind_is_taken_over_and_a_foreign_one_counts() {
         let folder = tempfile::tempdir().unwrap();
         let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
-        let here = Record::here();
-        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
+        let here = OutputRecord::here();
+        let killed = OutputRecord { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
         for left in [killed.text(), String::new()] {
             std::fs::write(&lock, left).unwrap();
             drop(Owner::of_file(&output).unwrap());
             assert!(!lock.exists());
         }
-        let elsewhere = Record { host: "elsewhere".into(), boot: "another".into(), is_renewed: false, ..here };
+        let elsewhere = OutputRecord { host: "elsewhere".into(), boot: "another".into(), is_renewed: false, ..here };
         std::fs::write(&lock, elsewhere.text()).unwrap();
         let error = Owner::of_file(&output).unwrap_err().to_string();
         assert!(
@@ -342,8 +342,8 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
         // Another machine, also one of the same name.
-        for host in ["elsewhere".to_string(), Record::here().host] {
-            let elsewhere = Record { host, boot: "another".into(), ..Record::here() };
+        for host in ["elsewhere".to_string(), OutputRecord::here().host] {
+            let elsewhere = OutputRecord { host, boot: "another".into(), ..OutputRecord::here() };
             std::fs::write(&lock, elsewhere.text()).unwrap();
             for age_s in [0, 50] {
                 grow_old(&lock, age_s);
@@ -363,7 +363,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
         for _ in 0..50 {
-            let elsewhere = Record { boot: "another".into(), ..Record::here() };
+            let elsewhere = OutputRecord { boot: "another".into(), ..OutputRecord::here() };
             std::fs::write(&lock, elsewhere.text()).unwrap();
             let old = File::open(&lock).unwrap();
             grow_old(&lock, 100);
@@ -378,7 +378,7 @@ mod tests {
     fn a_claimant_that_was_killed_blocks_for_a_minute_alone() {
         let folder = tempfile::tempdir().unwrap();
         let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
-        let elsewhere = Record { boot: "another".into(), ..Record::here() };
+        let elsewhere = OutputRecord { boot: "another".into(), ..OutputRecord::here() };
         std::fs::write(&lock, elsewhere.text()).unwrap();
         grow_old(&lock, 200);
         let killed = Succession::claim(&lock, &elsewhere.text(), std::time::SystemTime::now()).unwrap().unwrap();
@@ -396,7 +396,7 @@ mod tests {
         let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
         let owner = Owner::of_file(&output).unwrap();
         owner.check().unwrap();
-        std::fs::write(folder.path().join("new"), Record::here().text()).unwrap();
+        std::fs::write(folder.path().join("new"), OutputRecord::here().text()).unwrap();
         std::fs::rename(folder.path().join("new"), &lock).unwrap();
         let error = owner.check().unwrap_err();
         assert!(matches!(error, Error::Busy { .. }), "{error}");
@@ -407,8 +407,8 @@ mod tests {
     #[test]
     fn what_a_killed_owner_of_a_folder_was_writing_is_removed() {
         let folder = tempfile::tempdir().unwrap();
-        let here = Record::here();
-        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here };
+        let here = OutputRecord::here();
+        let killed = OutputRecord { process_start: here.process_start.map(|start| start + 1), ..here };
         let [part, kept, named] = [".tmpA1b2C3.part", "dtm.tif.part", ".tmpA1b2C3.tif"].map(|n| folder.path().join(n));
         [&part, &kept, &named].iter().for_each(|path| std::fs::write(path, "x").unwrap());
         // Without a lock there was no owner that was killed.
@@ -422,8 +422,8 @@ mod tests {
     #[test]
     fn claims_of_killed_processes_are_removed() {
         let folder = tempfile::tempdir().unwrap();
-        let here = Record::here();
-        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
+        let here = OutputRecord::here();
+        let killed = OutputRecord { process_start: here.process_start.map(|start| start + 1), ..here.clone() };
         let [dead, alive, other, empty, young] =
             [3, 4, 5, 6, 7].map(|k| folder.path().join(format!(".tmpA1b2C{k}.lock")));
         let none = String::new;
@@ -440,8 +440,8 @@ mod tests {
     fn of_many_that_find_a_dead_owner_one_succeeds() {
         let folder = tempfile::tempdir().unwrap();
         let (output, lock) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.lock"));
-        let here = Record::here();
-        let killed = Record { process_start: here.process_start.map(|start| start + 1), ..here };
+        let here = OutputRecord::here();
+        let killed = OutputRecord { process_start: here.process_start.map(|start| start + 1), ..here };
         for _ in 0..50 {
             std::fs::write(&lock, killed.text()).unwrap();
             let taken = by_eight_at_once(&output);

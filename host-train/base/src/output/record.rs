@@ -9,7 +9,7 @@ const HEAD_UNRENEWED: &str = "elunar owner 1";
 
 /// A process that owns an output. Fields that this system does not tell are empty.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Record {
+pub(super) struct OutputRecord {
     /// Name of the machine.
     pub(super) host: String,
     /// Number that the running kernel took when it started.
@@ -25,7 +25,7 @@ pub(super) struct Record {
     pub(super) is_renewed: bool,
 }
 
-impl Record {
+impl OutputRecord {
     /// Returns the record of this process.
     pub(super) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
@@ -125,42 +125,42 @@ fn now_s() -> u64 {
 mod tests {
     use super::*;
 
-    fn record() -> Record {
+    fn record() -> OutputRecord {
         let [host, boot, namespace] = ["moon", "b-1", "pid:[4]"].map(String::from);
-        Record { host, boot, namespace, pid: 7, process_start: Some(99), since_s: 5, is_renewed: true }
+        OutputRecord { host, boot, namespace, pid: 7, process_start: Some(99), since_s: 5, is_renewed: true }
     }
 
     #[test]
     fn a_record_reads_back() {
         for known in [
             record(),
-            Record { is_renewed: false, ..record() },
-            Record { process_start: None, boot: String::new(), ..record() },
-            Record::here(),
+            OutputRecord { is_renewed: false, ..record() },
+            OutputRecord { process_start: None, boot: String::new(), ..record() },
+            OutputRecord::here(),
         ] {
-            assert_eq!(Record::parse(&known.text()), Some(known));
+            assert_eq!(OutputRecord::parse(&known.text()), Some(known));
         }
         let text = record().text();
         for other in
             ["", "elunar owner 3\n", &text[..text.len() - 3], &text.replace("pid", "PID"), &text.replace('7', "x")]
         {
-            assert_eq!(Record::parse(other), None, "{other}");
+            assert_eq!(OutputRecord::parse(other), None, "{other}");
         }
     }
 
     #[test]
     fn an_owner_has_ended_only_if_that_is_sure() {
         let here = record();
-        let ended = |record: Record, start| record.has_ended(&here, |pid| if pid == 7 { start } else { None });
+        let ended = |record: OutputRecord, start| record.has_ended(&here, |pid| if pid == 7 { start } else { None });
         assert!(!ended(record(), Some(99)), "it runs");
         assert!(ended(record(), None) && ended(record(), Some(100)), "it runs no longer, or its number is another's");
-        let contained = Record { namespace: "pid:[5]".into(), ..record() };
+        let contained = OutputRecord { namespace: "pid:[5]".into(), ..record() };
         assert!(ended(contained, Some(99)), "numbers of another name space say nothing, the kernel's lock does");
-        let rebooted = Record { boot: "b-2".into(), ..record() };
+        let rebooted = OutputRecord { boot: "b-2".into(), ..record() };
         assert!(!ended(rebooted.clone(), Some(99)), "another machine may have the name");
-        let rebooted = Record { is_renewed: false, ..rebooted };
+        let rebooted = OutputRecord { is_renewed: false, ..rebooted };
         assert!(ended(rebooted.clone(), Some(99)));
-        assert!(!ended(Record { host: "mars".into(), ..rebooted }, None), "another machine");
+        assert!(!ended(OutputRecord { host: "mars".into(), ..rebooted }, None), "another machine");
     }
 
     #[cfg(target_os = "linux")]

@@ -1,7 +1,7 @@
 //! A set that is complete: whether a run would make the same.
 
 use super::list::SceneFiles;
-use super::manifest::{MADE_BY, MANIFEST, Manifest, Parameters};
+use super::manifest::{MADE_BY, MANIFEST, PrepareOptions, TrainingSetManifest};
 use elunar_base::{Error, Result};
 use std::path::Path;
 
@@ -11,14 +11,18 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Input`] if another run wrote it, with the first difference; [`Error::Broken`] if a shard is not the one that the manifest
 /// names. Errors of reading are passed on.
-pub(super) fn find(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -> Result<Option<Manifest>> {
+pub(super) fn find(
+    scenes: &[SceneFiles],
+    out: &Path,
+    parameters: &PrepareOptions,
+) -> Result<Option<TrainingSetManifest>> {
     if !out.join(MANIFEST).exists() {
         return Ok(None);
     }
     let other = |what: &str| {
         Error::input(format!("{}: a new or unfinished folder expected, a finished set {what} found", out.display()))
     };
-    let manifest = Manifest::find(out)?.ok_or_else(|| other("of another program"))?;
+    let manifest = TrainingSetManifest::find(out)?.ok_or_else(|| other("of another program"))?;
     if manifest.made_by != MADE_BY {
         return Err(other(&format!("by {}", manifest.made_by)));
     }

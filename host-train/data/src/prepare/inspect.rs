@@ -1,8 +1,8 @@
 //! Checks whether a tile is useful for training.
 
-use super::manifest::{Parameters, Reason};
+use super::manifest::{PrepareOptions, Reason};
 use super::offset::{Offset, measure};
-use super::scene::{Maps, Scene};
+use super::scene::{PreparedScene, SceneMaps};
 use elunar_base::Result;
 use elunar_core::norm::RELIEF_EPS_M;
 use elunar_core::terrain::Sun;
@@ -35,9 +35,9 @@ pub(super) struct Tile {
 
 /// Inspects every tile of a scene separately. Calls `done` after each.
 pub(super) fn tiles(
-    scene: &Scene,
+    scene: &PreparedScene,
     sun_elevation_deg: Option<f64>,
-    parameters: &Parameters,
+    parameters: &PrepareOptions,
     done: impl Fn() + Sync,
 ) -> Result<Vec<Tile>> {
     let sun = scene.sun_azimuth_deg.map(|azimuth_deg| Sun {
@@ -59,7 +59,13 @@ pub(super) fn tiles(
     Ok(inspected)
 }
 
-fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters: &Parameters) -> Result<Tile> {
+fn tile(
+    maps: &SceneMaps,
+    window: Window,
+    scene: &PreparedScene,
+    sun: Option<Sun>,
+    parameters: &PrepareOptions,
+) -> Result<Tile> {
     let (relief_truth_m, relief_coarse_m) = (relief(&maps.truth_m), relief(&maps.coarse_m));
     let mut tile =
         Tile { row: window.row, col: window.col, relief_truth_m, relief_coarse_m, offset: None, dropped: None };
@@ -84,7 +90,7 @@ fn tile(maps: &Maps, window: Window, scene: &Scene, sun: Option<Sun>, parameters
 }
 
 /// Drops tiles with too large an offset. A tile without a measured offset gets the median of its scene; if there is no median, it is kept.
-fn drop_displaced(tiles: &mut [Tile], parameters: &Parameters) {
+fn drop_displaced(tiles: &mut [Tile], parameters: &PrepareOptions) {
     let mut distances: Vec<f64> = tiles.iter().filter_map(|t| t.offset).map(|o| o.distance_px()).collect();
     let median_px = elunar_base::quantile::quantile(&mut distances, 0.5);
     for tile in tiles.iter_mut().filter(|t| t.dropped.is_none()) {
@@ -136,7 +142,7 @@ mod tests {
             offset: distance.map(|d| Offset { rows_px: d, cols_px: 0.0, correlation: 0.9 }),
             dropped: None,
         };
-        let parameters = Parameters { max_offset_px: 2.0, ..Parameters::default() };
+        let parameters = PrepareOptions { max_offset_px: 2.0, ..PrepareOptions::default() };
         let dropped = |mut tiles: Vec<Tile>| {
             drop_displaced(&mut tiles, &parameters);
             tiles.iter().map(|t| t.dropped == Some(Reason::Offset)).collect::<Vec<_>>()

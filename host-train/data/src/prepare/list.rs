@@ -1,6 +1,6 @@
 //! Lists of the files of scenes.
 
-use elunar_base::table::Rows;
+use elunar_base::table::TableRows;
 use elunar_base::{Error, Result, read};
 use elunar_net::sun::{check_azimuth, check_elevation};
 use serde::{Deserialize, Serialize};
@@ -35,7 +35,7 @@ const COLUMNS: [&str; 6] = ["image", "dtm", "coarse", "site", "sun_azimuth_deg",
 pub fn read(path: &Path) -> Result<Vec<SceneFiles>> {
     let text = read::text(path, read::MOST_BYTES)?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut rows = Rows::new(path, text.as_bytes(), usize::MAX);
+    let mut rows = TableRows::new(path, text.as_bytes(), usize::MAX);
     let head = rows.next_row()?.ok_or_else(|| Error::broken(path, "a header expected, nothing found"))?;
     let (number, header) = (head.line, head.cells());
     if let Some(unknown) = header.iter().find(|name| !COLUMNS.contains(name)) {

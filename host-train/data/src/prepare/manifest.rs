@@ -64,7 +64,7 @@ pub enum Reason {
 
 /// Options of a preparation.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Parameters {
+pub struct PrepareOptions {
     /// Interpolation of both DTMs onto the image's grid: `bicubic`, `bilinear` or `cubicspline`.
     pub interpolation: String,
     /// Unit of the coarse DTM's heights, if the file does not state it: `m` or `km`. `None` means metres; heights that look like kilometres
@@ -86,7 +86,7 @@ pub struct Parameters {
     pub seed: u64,
 }
 
-impl Default for Parameters {
+impl Default for PrepareOptions {
     fn default() -> Self {
         Self {
             interpolation: "bicubic".into(),
@@ -163,7 +163,7 @@ pub struct SplitRecord {
 
 /// A prepared folder.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Manifest {
+pub struct TrainingSetManifest {
     /// [`FORMAT`].
     pub format: String,
     /// Program and version that made the folder.
@@ -171,7 +171,7 @@ pub struct Manifest {
     /// Rows and columns of a tile.
     pub tile: [usize; 2],
     /// Options of the preparation.
-    pub parameters: Parameters,
+    pub parameters: PrepareOptions,
     /// NR (Eq. 1): harmonic mean of the true relief of the training tiles, metres. Without training tiles, of all tiles.
     pub nr: f32,
     /// The 3-sigma rule as it was applied.
@@ -190,7 +190,7 @@ pub struct Manifest {
     pub scenes: Vec<SceneRecord>,
 }
 
-impl Manifest {
+impl TrainingSetManifest {
     /// Reads the manifest of a folder; `None` if there is none, or one of another program.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ mod scene;
 pub mod shard;
 mod split;
 
-pub use manifest::{Manifest, Parameters, Split};
+pub use manifest::{PrepareOptions, Split, TrainingSetManifest};
 pub use offset::{Offset, measure};
 pub use run::run;
 

@@ -2,7 +2,7 @@
 
 use elunar_base::{Error, Result};
 use elunar_core::terrain::{PixelSize, Sun};
-use elunar_picture::shading::{Shading, shade_rows};
+use elunar_picture::shading::{HillshadeOptions, shade_rows};
 use elunar_raster::Raster;
 use elunar_raster::source::InMemory;
 
@@ -95,7 +95,7 @@ fn peak(values: [f64; 9]) -> (f64, f64) {
 
 fn shaded(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Sun) -> Result<Vec<f32>> {
     let raster = Raster { rows, cols, samples: heights_m.to_vec(), georef: None };
-    let shading = Shading { sun, compute_edges: true };
+    let shading = HillshadeOptions { sun, compute_edges: true };
     let bytes = shade_rows(&InMemory::new(raster, None, "tile"), 0..rows, pixel, &shading)?;
     Ok(bytes.into_iter().map(f32::from).collect())
 }

@@ -3,9 +3,10 @@
 use super::inspect::{self, Tile};
 use super::list::SceneFiles;
 use super::manifest::{
-    FORMAT, MADE_BY, MANIFEST, Manifest, Parameters, Reason, SceneRecord, ShardRecord, Split, SplitRecord,
+    FORMAT, MADE_BY, MANIFEST, PrepareOptions, Reason, SceneRecord, ShardRecord, Split, SplitRecord,
+    TrainingSetManifest,
 };
-use super::scene::{Reading, Scene};
+use super::scene::{PreparedScene, Reading};
 use super::shard::{Shard, ShardFile};
 use super::split::{Ground, divide};
 use super::{filter, finished, pictures};
@@ -58,7 +59,12 @@ struct Inspected {
 /// # Errors
 /// [`Error::Busy`] if another run writes the folder; [`Error::Input`] if another run completed it, or no tile can be kept; [`Error::Usage`] if
 /// parameters are out of range. Errors of reading and writing are passed on.
-pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &ProgressBar) -> Result<Manifest> {
+pub fn run(
+    scenes: &[SceneFiles],
+    out: &Path,
+    parameters: &PrepareOptions,
+    bar: &ProgressBar,
+) -> Result<TrainingSetManifest> {
     let reading = check(parameters)?;
     scenes.iter().try_for_each(check_sun_of)?;
     let mut owner = Owner::of_folder(out, COMMAND, [])?;
@@ -93,7 +99,7 @@ pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &Parameters, bar: &Pro
         record.shards.iter().map(|shard| (name, out.join(&shard.file))).collect::<Vec<_>>()
     };
     pictures::write_sheet(out, &shards.iter().flat_map(named).collect::<Vec<_>>(), parameters.seed)?;
-    let manifest = Manifest {
+    let manifest = TrainingSetManifest {
         format: FORMAT.into(),
         made_by: MADE_BY.into(),
         tile: [TILE_ROWS, TILE_COLS],
@@ -146,7 +152,7 @@ fn tile(inspected: &[Inspected], (scene, index): Place) -> &Tile {
     &inspected[scene].tiles[index]
 }
 
-fn check(parameters: &Parameters) -> Result<Reading> {
+fn check(parameters: &PrepareOptions) -> Result<Reading> {
     let wrong = |what: String| Err(Error::usage(what));
     let [train, validation, test] = parameters.shares;
     if !(parameters.shares.iter().all(|s| (0.0..=1.0).contains(s)) && (train + validation + test - 1.0).abs() < 1e-6) {
@@ -180,7 +186,7 @@ fn stop_if_asked() -> Result<()> {
 fn inspect_scene(
     files: &SceneFiles,
     notes: &Path,
-    parameters: &Parameters,
+    parameters: &PrepareOptions,
     reading: Reading,
     bar: &ProgressBar,
 ) -> Result<Inspected> {
@@ -198,7 +204,7 @@ fn inspect_scene(
     if let Some(known) = known.filter(|known| known.key == key) {
         return Ok(known);
     }
-    let scene = Scene::open(files, reading)?;
+    let scene = PreparedScene::open(files, reading)?;
     let windows = scene.windows();
     bar.set_length(windows.len() as u64);
     bar.set_position(0);
@@ -266,7 +272,7 @@ fn kept(inspected: &[Inspected]) -> Vec<Place> {
 }
 
 /// Returns the splits of the kept tiles, in order of tiles. Drops tiles across a border.
-fn divide_ground(inspected: &mut [Inspected], parameters: &Parameters) -> Result<(Splits, String)> {
+fn divide_ground(inspected: &mut [Inspected], parameters: &PrepareOptions) -> Result<(Splits, String)> {
     let places = kept(inspected);
     let ground: Vec<Ground> = places
         .iter()
@@ -291,7 +297,7 @@ fn write_shards(
     inspected: &[Inspected],
     splits: &Splits,
     (out, owner): (&Path, &mut Owner),
-    parameters: &Parameters,
+    parameters: &PrepareOptions,
     reading: Reading,
     bar: &ProgressBar,
 ) -> Result<BTreeMap<Split, SplitRecord>> {
@@ -307,7 +313,7 @@ fn write_shards(
     bar.set_message("writing");
     bar.set_length(splits.len() as u64);
     bar.set_position(0);
-    let mut open: Option<(usize, Scene)> = None;
+    let mut open: Option<(usize, PreparedScene)> = None;
     let mut records = BTreeMap::new();
     for split in Split::ALL {
         let places: Vec<Place> = splits.iter().filter(|(_, s)| **s == split).map(|(place, _)| *place).collect();
@@ -324,7 +330,7 @@ fn write_shards(
                 for &(number, index) in part {
                     let scene = match open.take() {
                         Some((open_number, scene)) if open_number == number => scene,
-                        _ => Scene::open(&inspected[number].record.files, reading)?,
+                        _ => PreparedScene::open(&inspected[number].record.files, reading)?,
                     };
                     add_tile(&mut shard, &scene, number, &inspected[number], index)?;
                     open = Some((number, scene));
@@ -344,7 +350,7 @@ fn write_shards(
 }
 
 /// Returns the names of the shards of a plan.
-fn shard_files(splits: &Splits, parameters: &Parameters) -> Vec<String> {
+fn shard_files(splits: &Splits, parameters: &PrepareOptions) -> Vec<String> {
     let of = |split: Split| {
         let tiles = splits.values().filter(|found| **found == split).count();
         (0..tiles.div_ceil(parameters.shard_tiles)).map(move |number| shard_file(split, number))
@@ -353,14 +359,20 @@ fn shard_files(splits: &Splits, parameters: &Parameters) -> Vec<String> {
 }
 
 /// Returns the SHA-256 of everything that the shards depend on.
-fn plan(inspected: &[Inspected], splits: &Splits, out: &Path, parameters: &Parameters) -> Result<String> {
+fn plan(inspected: &[Inspected], splits: &Splits, out: &Path, parameters: &PrepareOptions) -> Result<String> {
     let keys: Vec<&str> = inspected.iter().map(|j| j.key.as_str()).collect();
     let places: Vec<_> = splits.iter().collect();
     let plan = serde_json::to_vec(&(keys, places, parameters));
     Ok(sha256_hex(&plan.map_err(|e| Error::broken(out.join(PLAN), e.to_string()))?))
 }
 
-fn add_tile(shard: &mut Shard, scene: &Scene, number: usize, inspected: &Inspected, index: usize) -> Result<()> {
+fn add_tile(
+    shard: &mut Shard,
+    scene: &PreparedScene,
+    number: usize,
+    inspected: &Inspected,
+    index: usize,
+) -> Result<()> {
     let tile = &inspected.tiles[index];
     let maps = scene.maps(Window { row: tile.row, col: tile.col, rows: TILE_ROWS, cols: TILE_COLS })?;
     shard.image.extend(maps.image);

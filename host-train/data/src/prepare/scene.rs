@@ -24,7 +24,7 @@ pub(super) struct Reading {
 }
 
 /// Image, DTM and coarse DTM on the image's grid, read in windows.
-pub(super) struct Scene {
+pub(super) struct PreparedScene {
     image: Arc<dyn Source>,
     dtm: Onto,
     coarse: Onto,
@@ -37,7 +37,7 @@ pub(super) struct Scene {
 }
 
 /// The three maps of one tile, row-major 256 x 320.
-pub(super) struct Maps {
+pub(super) struct SceneMaps {
     /// Relative brightness.
     pub(super) image: Vec<f32>,
     /// Coarse DTM, metres.
@@ -46,7 +46,7 @@ pub(super) struct Maps {
     pub(super) truth_m: Vec<f32>,
 }
 
-impl Scene {
+impl PreparedScene {
     /// Opens the files and computes how both DTMs are put on the image's grid.
     ///
     /// # Errors
@@ -104,8 +104,8 @@ impl Scene {
     ///
     /// # Errors
     /// If a file cannot be read there.
-    pub(super) fn maps(&self, window: Window) -> Result<Maps> {
-        Ok(Maps {
+    pub(super) fn maps(&self, window: Window) -> Result<SceneMaps> {
+        Ok(SceneMaps {
             image: self.image.read(window)?,
             coarse_m: self.coarse.read(window)?,
             truth_m: self.dtm.read(window)?,

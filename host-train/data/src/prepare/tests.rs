@@ -35,7 +35,11 @@ fn files(folder: &Path, scene: &SynthScene, spoil: impl Fn(&mut Raster, &mut Ras
     }
 }
 
-fn prepared(scenes: &[SceneFiles], out: &Path, parameters: &Parameters) -> elunar_base::Result<Manifest> {
+fn prepared(
+    scenes: &[SceneFiles],
+    out: &Path,
+    parameters: &PrepareOptions,
+) -> elunar_base::Result<TrainingSetManifest> {
     run(scenes, out, parameters, &ProgressBar::hidden())
 }
 
@@ -48,13 +52,13 @@ fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 fn a_set_is_made_read_and_made_again() {
     let folder = tempfile::tempdir().unwrap();
     let scenes: Vec<SceneFiles> = (0..4).map(|k| files(folder.path(), &scene(k, 520, 650), |_, _| {})).collect();
-    let parameters = Parameters { shard_tiles: 3, shares: [0.5, 0.25, 0.25], ..Parameters::default() };
+    let parameters = PrepareOptions { shard_tiles: 3, shares: [0.5, 0.25, 0.25], ..PrepareOptions::default() };
     let out = folder.path().join("tiles");
     let made = prepared(&scenes, &out, &parameters).unwrap();
     assert_eq!((made.tiles, made.scenes.len()), (16, 4));
     assert_eq!(made.kept + made.dropped.values().sum::<usize>(), 16);
     assert!(made.kept >= 12, "{made:?}");
-    assert_eq!(Manifest::find(&out).unwrap().as_ref(), Some(&made));
+    assert_eq!(TrainingSetManifest::find(&out).unwrap().as_ref(), Some(&made));
     assert!(!out.join("unfinished").exists());
     for name in ["contact_sheet.png", "relief.png", "relief_difference.png"] {
         assert!(image::open(out.join(name)).unwrap().width() > 400, "{name}");
@@ -114,7 +118,7 @@ fn a_set_is_made_read_and_made_again() {
 fn a_finished_set_is_verified_and_never_replaced() {
     let folder = tempfile::tempdir().unwrap();
     let scenes = vec![files(folder.path(), &scene(0, 520, 650), |_, _| {})];
-    let parameters = Parameters { shard_tiles: 1, shares: [1.0, 0.0, 0.0], ..Parameters::default() };
+    let parameters = PrepareOptions { shard_tiles: 1, shares: [1.0, 0.0, 0.0], ..PrepareOptions::default() };
     let out = folder.path().join("out");
     let made = prepared(&scenes, &out, &parameters).unwrap();
     let bytes = contents(&out);
@@ -130,12 +134,12 @@ fn a_finished_set_is_verified_and_never_replaced() {
     std::fs::copy(&scenes[0].image, &moved).unwrap();
     let renamed = vec![SceneFiles { image: moved, ..scenes[0].clone() }];
     assert_eq!(prepared(&renamed, &out, &parameters).unwrap(), made);
-    let refused = |scenes: &[SceneFiles], parameters: &Parameters, what: &str| {
+    let refused = |scenes: &[SceneFiles], parameters: &PrepareOptions, what: &str| {
         let error = prepared(scenes, &out, parameters).unwrap_err();
         assert!(matches!(error, Error::Input(_) | Error::Broken { .. }), "{error}");
         assert!(error.to_string().contains(what), "{error}");
     };
-    refused(&scenes, &Parameters { seed: 1, ..parameters.clone() }, "a finished set with other options found");
+    refused(&scenes, &PrepareOptions { seed: 1, ..parameters.clone() }, "a finished set with other options found");
     refused(&[scenes.clone(), scenes.clone()].concat(), &parameters, "of 1 scenes instead of 2");
     let turned = vec![SceneFiles { sun_azimuth_deg: Some(12.0), ..scenes[0].clone() }];
     refused(&turned, &parameters, "with another site or Sun of");
@@ -161,7 +165,7 @@ fn a_finished_set_is_verified_and_never_replaced() {
 fn an_unfinished_set_is_finished_and_another_plan_starts_afresh() {
     let folder = tempfile::tempdir().unwrap();
     let scenes: Vec<SceneFiles> = (0..2).map(|k| files(folder.path(), &scene(k, 520, 650), |_, _| {})).collect();
-    let parameters = Parameters { shard_tiles: 1, shares: [0.5, 0.0, 0.5], ..Parameters::default() };
+    let parameters = PrepareOptions { shard_tiles: 1, shares: [0.5, 0.0, 0.5], ..PrepareOptions::default() };
     let whole = folder.path().join("whole");
     let made = prepared(&scenes, &whole, &parameters).unwrap();
     assert!(made.divided_by.contains("blocks of the map"), "{}", made.divided_by);
@@ -174,7 +178,7 @@ fn an_unfinished_set_is_finished_and_another_plan_starts_afresh() {
     assert_eq!(prepared(&scenes, &out, &parameters).unwrap(), made);
     assert_eq!(contents(&out), contents(&whole));
     again();
-    let other = prepared(&scenes, &out, &Parameters { shares: [1.0, 0.0, 0.0], ..parameters.clone() }).unwrap();
+    let other = prepared(&scenes, &out, &PrepareOptions { shares: [1.0, 0.0, 0.0], ..parameters.clone() }).unwrap();
     assert_eq!(other.splits[&Split::Train].tiles, other.kept);
     assert!(!out.join("test-00000.safetensors").exists(), "shards of the other plan are gone");
 }
@@ -215,7 +219,7 @@ fn what_cannot_teach_is_dropped_and_counted() {
         fill(3, &mut |v, _, _| *v = -1900.0, truth);
     };
     let scenes = [files(folder.path(), &spoilt, spoil)];
-    let made = prepared(&scenes, &folder.path().join("out"), &Parameters::default()).unwrap();
+    let made = prepared(&scenes, &folder.path().join("out"), &PrepareOptions::default()).unwrap();
     let expected = [(Reason::Nulls, 1), (Reason::ConstantImage, 1), (Reason::SaturatedImage, 1), (Reason::NoRelief, 1)];
     assert_eq!(made.dropped, expected.into_iter().collect(), "{made:?}");
     assert_eq!((made.kept, made.scenes[0].kept), (2, 2));
@@ -234,7 +238,7 @@ fn displaced_dtms_are_measured_and_dropped() {
     let off = files(folder.path(), &scene(1, 540, 690), displace);
     // The Sun is estimated, not given.
     let off = SceneFiles { sun_azimuth_deg: None, sun_elevation_deg: None, ..off };
-    let made = prepared(&[good, off], &folder.path().join("out"), &Parameters::default()).unwrap();
+    let made = prepared(&[good, off], &folder.path().join("out"), &PrepareOptions::default()).unwrap();
     let [good, off] = [&made.scenes[0], &made.scenes[1]];
     assert!(good.kept > 0 && !good.dropped.contains_key(&Reason::Offset), "{good:?}");
     let [rows_px, cols_px] = off.offset_px.unwrap();
@@ -264,7 +268,7 @@ fn systems_may_differ() {
     geotiff::write(&path, &turned, &WriteOptions::heights("coarse")).unwrap();
     let made = [("a", plain.clone()), ("b", SceneFiles { coarse: path, ..plain })].map(|(out, files)| {
         let out = folder.path().join(out);
-        prepared(&[files], &out, &Parameters { shares: [1.0, 0.0, 0.0], ..Parameters::default() }).unwrap();
+        prepared(&[files], &out, &PrepareOptions { shares: [1.0, 0.0, 0.0], ..PrepareOptions::default() }).unwrap();
         PreparedSource::open(&out, Split::Train).unwrap()
     });
     assert_eq!((made[0].count(), made[1].count()), (Some(2), Some(2)));
@@ -290,11 +294,12 @@ fn kilometres_are_suspected_and_can_be_stated() {
     geotiff::write(&path, &coarse, &options).unwrap();
     let kilometres = SceneFiles { coarse: path, ..plain.clone() };
     let out = folder.path().join("out");
-    let refused = prepared(std::slice::from_ref(&kilometres), &out, &Parameters::default()).unwrap_err().to_string();
+    let refused =
+        prepared(std::slice::from_ref(&kilometres), &out, &PrepareOptions::default()).unwrap_err().to_string();
     assert!(refused.contains("km.tif") && refused.contains("--coarse-unit km"), "{refused}");
-    let stated = Parameters { coarse_unit: Some("km".into()), ..Parameters::default() };
+    let stated = PrepareOptions { coarse_unit: Some("km".into()), ..PrepareOptions::default() };
     let made = prepared(&[kilometres], &out, &stated).unwrap();
-    let expected = prepared(&[plain], &folder.path().join("plain"), &Parameters::default()).unwrap();
+    let expected = prepared(&[plain], &folder.path().join("plain"), &PrepareOptions::default()).unwrap();
     assert!((made.three_sigma.mean_m - expected.three_sigma.mean_m).abs() < 0.01);
 }
 
@@ -302,23 +307,23 @@ fn kilometres_are_suspected_and_can_be_stated() {
 fn useless_input_is_named() {
     let folder = tempfile::tempdir().unwrap();
     let level = files(folder.path(), &scene(0, 256, 320), |_, truth| truth.samples.fill(5.0));
-    let refused = |scenes: &[SceneFiles], parameters: &Parameters| {
+    let refused = |scenes: &[SceneFiles], parameters: &PrepareOptions| {
         prepared(scenes, &folder.path().join("out"), parameters).unwrap_err().to_string()
     };
-    assert!(refused(std::slice::from_ref(&level), &Parameters::default()).contains("none of 1 found (NoRelief 1)"));
+    assert!(refused(std::slice::from_ref(&level), &PrepareOptions::default()).contains("none of 1 found (NoRelief 1)"));
     let small = files(folder.path(), &scene(1, 100, 320), |_, _| {});
-    assert!(refused(&[small], &Parameters::default()).contains("none of 0 found"));
+    assert!(refused(&[small], &PrepareOptions::default()).contains("none of 0 found"));
     let missing = SceneFiles { dtm: "no.tif".into(), ..level.clone() };
-    assert!(refused(&[missing], &Parameters::default()).contains("no.tif"));
+    assert!(refused(&[missing], &PrepareOptions::default()).contains("no.tif"));
     let swapped = SceneFiles { coarse: level.image.clone(), image: level.coarse.clone(), ..level.clone() };
-    assert!(refused(&[swapped], &Parameters::default()).contains("pixels no smaller"));
+    assert!(refused(&[swapped], &PrepareOptions::default()).contains("pixels no smaller"));
     for parameters in [
-        Parameters { shares: [0.5, 0.1, 0.1], ..Parameters::default() },
-        Parameters { search_px: 0, ..Parameters::default() },
-        Parameters { max_offset_px: 9.0, ..Parameters::default() },
-        Parameters { shard_tiles: 0, ..Parameters::default() },
-        Parameters { interpolation: "nearest".into(), ..Parameters::default() },
-        Parameters { coarse_unit: Some("feet".into()), ..Parameters::default() },
+        PrepareOptions { shares: [0.5, 0.1, 0.1], ..PrepareOptions::default() },
+        PrepareOptions { search_px: 0, ..PrepareOptions::default() },
+        PrepareOptions { max_offset_px: 9.0, ..PrepareOptions::default() },
+        PrepareOptions { shard_tiles: 0, ..PrepareOptions::default() },
+        PrepareOptions { interpolation: "nearest".into(), ..PrepareOptions::default() },
+        PrepareOptions { coarse_unit: Some("feet".into()), ..PrepareOptions::default() },
     ] {
         assert!(refused(std::slice::from_ref(&level), &parameters).contains("expected"), "{parameters:?}");
     }
@@ -326,10 +331,10 @@ fn useless_input_is_named() {
     let other = folder.path().join("other");
     std::fs::create_dir(&other).unwrap();
     atomic_write(&other.join(MANIFEST), b"{\"seed\": 1}").unwrap();
-    assert_eq!(Manifest::find(&other).unwrap(), None);
+    assert_eq!(TrainingSetManifest::find(&other).unwrap(), None);
     assert!(PreparedSource::open(&other, Split::Train).err().unwrap().to_string().contains("manifest"));
     atomic_write(&other.join(MANIFEST), format!("{{\"format\": \"{}\"}}", manifest::FORMAT).as_bytes()).unwrap();
-    assert!(Manifest::find(&other).unwrap_err().to_string().contains("broken"));
+    assert!(TrainingSetManifest::find(&other).unwrap_err().to_string().contains("broken"));
 }
 
 /// Data from a source other than the project's generator.
@@ -346,7 +351,7 @@ fn an_independent_scene_is_prepared() {
         sun_elevation_deg: None,
     };
     let folder = tempfile::tempdir().unwrap();
-    let made = prepared(&[scene], &folder.path().join("out"), &Parameters::default()).unwrap();
+    let made = prepared(&[scene], &folder.path().join("out"), &PrepareOptions::default()).unwrap();
     eprintln!("{:?}", made.scenes[0]);
     assert_eq!((made.tiles, made.kept), (4, 4));
     let [rows_px, cols_px] = made.scenes[0].offset_px.unwrap();

@@ -1,8 +1,8 @@
 //! `elunar batch`: runs a chunk of a manifest.
 
 use super::manifest::uses_of;
-use crate::cluster::batch::{Counts, Manner, run as run_items};
-use crate::cluster::manifest::Manifest;
+use crate::cluster::batch::{BatchOptions, ItemCounts, run as run_items};
+use crate::cluster::manifest::BatchManifest;
 use crate::cluster::{apart, foreign};
 use elunar_base::{Error, Result};
 use elunar_scene::predict::span::PartOf;
@@ -46,14 +46,14 @@ pub struct Args {
 /// [`Error::Broken`] if a line of the manifest is wrong, or an item would write what another one reads or writes, or replace a file of others: nothing is started then. [`Error::Stopped`] if items may succeed later,
 /// [`Error::Input`] if some never will.
 pub fn run(args: Args) -> Result<()> {
-    let manifest = Manifest::read(&args.manifest)?;
+    let manifest = BatchManifest::read(&args.manifest)?;
     apart::check(&args.manifest, uses_of(&manifest, &args.manifest))?;
     let items = manifest.chunk(args.chunk);
     foreign::check(&args.manifest, &items, &manifest.folder, args.part_dir.as_deref())?;
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let more = args.part_dir.iter().map(|folder| format!("--part-dir={}", folder.display())).collect();
-    let manner = Manner {
+    let manner = BatchOptions {
         program,
         more,
         jobs: if args.jobs == 0 { available } else { args.jobs },
@@ -70,12 +70,12 @@ pub fn run(args: Args) -> Result<()> {
         eprintln!("{count}/{all} {}: {what} ({:.1} s)", outcome.id, outcome.seconds);
         Ok(())
     })?;
-    let Counts { done, failed, again } = counts;
+    let ItemCounts { done, failed, again } = counts;
     let text =
         format!("chunk {}: {done} of {all} items are done, {again} may succeed later, {failed} never", args.chunk);
     match counts {
-        Counts { again: 0, failed: 0, .. } => Ok(()),
-        Counts { again: 0, .. } => Err(Error::input(text)),
+        ItemCounts { again: 0, failed: 0, .. } => Ok(()),
+        ItemCounts { again: 0, .. } => Err(Error::input(text)),
         _ => Err(Error::stopped(text)),
     }
 }

@@ -3,7 +3,7 @@
 use super::input::read_heights;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
-use elunar_evaluate::diff::{Options, Statistics, difference};
+use elunar_evaluate::diff::{DiffOptions, Statistics, difference};
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
 use std::path::PathBuf;
@@ -48,7 +48,7 @@ pub fn run(args: Args) -> Result<()> {
     let _owners = output::take_all(args.output.iter().chain(&args.picture), &[&args.first, &args.second])?;
     let (first, second) = (read_heights(&args.first)?, read_heights(&args.second)?);
     let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
-    let options = Options { reverse: args.reverse, absolute: args.absolute };
+    let options = DiffOptions { reverse: args.reverse, absolute: args.absolute };
     let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), options)?;
     let statistics = Statistics::of(&made.samples).ok_or_else(|| Error::usage("diff: no difference found"))?;
     let (a, b) = if args.reverse { (&second_name, &first_name) } else { (&first_name, &second_name) };

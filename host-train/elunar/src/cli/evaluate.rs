@@ -4,7 +4,8 @@ use super::input;
 use crate::outputs as output;
 use elunar_base::Result;
 use elunar_evaluate::{
-    Details, Expected, Maps, NamedSource, Summary, calibration, json, octaves_picture, short_names, table,
+    Details, EvaluatedMaps, ExpectedErrorMaps, NamedSource, ReportSummary, calibration, json, octaves_picture,
+    short_names, table,
 };
 use elunar_raster::align::Interpolation;
 use std::path::{Path, PathBuf};
@@ -58,13 +59,14 @@ pub fn run(args: Args) -> Result<()> {
     let pictures = [&args.error_map, &args.reliability, &args.spectra];
     let _owners = output::take_all(pictures.into_iter().flatten(), &inputs)?;
     let (truth, dtm) = (open(&args.truth)?, open(&args.dtm)?);
-    let expected = args.uncertainty.as_deref().map(|path| Expected::open(path, (&dtm.0, dtm.1.info()))).transpose()?;
+    let expected =
+        args.uncertainty.as_deref().map(|path| ExpectedErrorMaps::open(path, (&dtm.0, dtm.1.info()))).transpose()?;
     let mut candidates = vec![(dtm, Interpolation::Bilinear)];
     if let Some(coarse) = &args.coarse {
         candidates.push((open(coarse)?, Interpolation::Bicubic));
     }
-    let maps = Maps::new(truth, candidates, args.truth_resolution_m)?;
-    let summary = Summary::of(&maps)?;
+    let maps = EvaluatedMaps::new(truth, candidates, args.truth_resolution_m)?;
+    let summary = ReportSummary::of(&maps)?;
     let view = maps.at_resolution()?;
     let calibration = expected.as_ref().map(|expected| calibration(&view, expected)).transpose()?;
     if let Some(path) = &args.error_map {

@@ -11,14 +11,14 @@ use elunar_data::source::DataSpec;
 use elunar_net::config::config_of;
 use elunar_net::export::build::build;
 use elunar_net::export::calibrate::{Range, calibrate};
-use elunar_net::export::choose::{Job, Trial, choose};
+use elunar_net::export::choose::{ExportJob, ExportTrial, choose};
 use elunar_net::export::codes::wide_by_rule;
 use elunar_net::export::compile::finish;
 use elunar_net::export::graph::Graph;
-use elunar_net::export::report::{Comparison, compare};
+use elunar_net::export::report::{RunnerDifferences, compare};
 use elunar_net::export::sensitivity::{self, Sensitivity};
-use elunar_net::export::{CalibrationTile, Options, Precision};
-use elunar_net::weights::Weights;
+use elunar_net::export::{CalibrationTile, CompileOptions, MapBits};
+use elunar_net::weights::NetWeights;
 use elunar_picture::write_png;
 use std::path::{Path, PathBuf};
 
@@ -51,7 +51,7 @@ pub struct Args {
     pub compare: u64,
     /// Bits of the network's maps.
     #[arg(long, value_enum, default_value = "mixed")]
-    pub precision: Precision,
+    pub precision: MapBits,
     /// Measure the effect of each layer's precision: round one map, or the weights of one layer, in the float network.
     #[arg(long)]
     pub sensitivity: bool,
@@ -76,7 +76,7 @@ pub fn run(args: Args) -> Result<()> {
         output::extension(report, &["json", "png"])?;
     }
     let _owners = output::take_all(std::iter::once(&args.output).chain(&args.report), &[&args.weights])?;
-    let weights = Weights::read(&args.weights)?;
+    let weights = NetWeights::read(&args.weights)?;
     let config = config_of(&weights, &args.weights)?;
     let source = DataSpec::parse(Some(args.calibrate.clone()), SYNTH_SEED, Split::Train)?.open()?;
     let tiles = calibration_tiles(source.as_ref(), &config, 0, args.tiles)?;
@@ -88,10 +88,10 @@ pub fn run(args: Args) -> Result<()> {
     let held_out = calibration_tiles(source.as_ref(), &config, args.tiles, args.compare)?;
     let wide = wide_by_rule(&graph, args.precision);
     let mut sensitivity = measure(&args, &graph, &ranges, config.coarse_limit(), &wide, &held_out)?;
-    let options = Options { tile: (TILE_ROWS, TILE_COLS), precision: args.precision, name: name(&args.output) };
+    let options = CompileOptions { tile: (TILE_ROWS, TILE_COLS), precision: args.precision, name: name(&args.output) };
     let mut trials = Vec::new();
     let made = if let (Some(sensitivity), Some(percent)) = (&mut sensitivity, args.slope_growth) {
-        let job = Job { config: &config, graph: &graph, ranges: &ranges, options: &options, tiles: &held_out };
+        let job = ExportJob { config: &config, graph: &graph, ranges: &ranges, options: &options, tiles: &held_out };
         let bar = progress::bar("choosing", sensitivity.by_gain().len() as u64, "trials at most");
         let chosen = choose(&job, sensitivity, percent, |done| bar.set_position(done as u64))?;
         bar.finish_and_clear();
@@ -125,7 +125,7 @@ fn measure(
     if !args.sensitivity {
         return Ok(None);
     }
-    let plan = sensitivity::Plan::new(graph, ranges, coarse_limit, wide);
+    let plan = sensitivity::SensitivityPlan::new(graph, ranges, coarse_limit, wide);
     let bar = progress::bar("roundings", plan.roundings() as u64 * args.compare, "roundings");
     let measured = plan.measure(held_out, |done| bar.set_position(done as u64))?;
     bar.finish_and_clear();
@@ -147,9 +147,9 @@ fn write_reports(files: &[PathBuf], sensitivity: &Sensitivity) -> Result<()> {
 fn print(
     args: &Args,
     (model, bytes): (&Model<'_>, &[u8]),
-    comparison: &Comparison,
+    comparison: &RunnerDifferences,
     sensitivity: Option<&Sensitivity>,
-    trials: &[Trial],
+    trials: &[ExportTrial],
 ) {
     let (flash, ram) = (bytes.len(), required(model));
     if args.json {

@@ -5,7 +5,7 @@ use crate::outputs as output;
 use elunar_base::{Error, Result, progress};
 use elunar_core::terrain::Sun;
 use elunar_net::sun::check_azimuth;
-use elunar_picture::shading::{Shading, pixel_of, shade_rows};
+use elunar_picture::shading::{HillshadeOptions, pixel_of, shade_rows};
 use elunar_raster::geotiff::{SampleType, WriteOptions, Writer};
 use std::path::PathBuf;
 
@@ -111,7 +111,7 @@ enum Target {
 }
 
 impl Args {
-    fn shading(&self) -> Result<Shading> {
+    fn shading(&self) -> Result<HillshadeOptions> {
         if !(0.0..=90.0).contains(&self.altitude) {
             return Err(Error::usage(format!("--altitude: 0 to 90 degrees expected, {} found", self.altitude)));
         }
@@ -120,6 +120,6 @@ impl Args {
             return Err(Error::usage(format!("a finite --z-factor above 0 expected, {} found", self.z_factor)));
         }
         let sun = Sun { azimuth_deg: self.azimuth, elevation_deg: self.altitude, exaggeration: self.z_factor };
-        Ok(Shading { sun, compute_edges: self.compute_edges })
+        Ok(HillshadeOptions { sun, compute_edges: self.compute_edges })
     }
 }

@@ -3,7 +3,7 @@
 use super::predict;
 use crate::job;
 use elunar_base::{Error, Result};
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use std::path::Path;
 
 /// Help text below the options.
@@ -38,7 +38,7 @@ pub fn run(args: Args) -> Result<()> {
 ///
 /// # Errors
 /// As [`run`].
-pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<()> {
     if args.predict.request.part.is_some() {
         return Err(Error::usage("--part: expected only for `predict`; `join` takes all parts"));
     }

@@ -5,7 +5,7 @@ use elunar_base::{Error, Result};
 use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use elunar_core::tile::Shape;
 use elunar_scene::predict::int8;
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
@@ -109,7 +109,7 @@ pub fn run(args: Args) -> Result<()> {
 ///
 /// # Errors
 /// If the network fails.
-pub fn run_other(args: &Args, model: &dyn Model, kernel: String) -> Result<()> {
+pub fn run_other(args: &Args, model: &dyn TileModel, kernel: String) -> Result<()> {
     let facts = Facts { kernel, macs: None, arena_bytes: None, model_bytes: None };
     let extent = args.extent();
     let measured = on_threads(args.threads, || measure_other(model, extent))?;
@@ -172,7 +172,7 @@ fn print(args: &Args, facts: &Facts, measured: &Measured) {
 }
 
 /// Measures the seconds of each tile of a network. It runs one synthetic tile repeatedly.
-fn measure_other(model: &dyn Model, extent: Extent) -> Result<Vec<f64>> {
+fn measure_other(model: &dyn TileModel, extent: Extent) -> Result<Vec<f64>> {
     let Shape { rows, cols } = model.tile();
     let samples = model.input_rules().illumination.image_maps() * rows * cols;
     let image: Vec<f32> = (0..samples).map(|i| (i % 97) as f32 / 96.0).collect();

@@ -5,7 +5,7 @@ use elunar_base::{Error, Result, progress};
 use elunar_evaluate::lola::csv;
 use elunar_evaluate::lola::csv::CsvFormat;
 use elunar_evaluate::lola::report::{ComparedTrack, Report, json, table};
-use elunar_evaluate::lola::shift::Ground;
+use elunar_evaluate::lola::shift::TrackDtm;
 use elunar_evaluate::lola::track::{TRACK_GAP_S, split};
 use std::path::PathBuf;
 
@@ -60,7 +60,7 @@ pub fn run(args: Args) -> Result<()> {
 fn compare(args: &Args) -> Result<Report> {
     let dtm = heights(&args.dtm)?;
     let name = args.dtm.display().to_string();
-    let ground = Ground::new(&*dtm, &name, args.search_m)?;
+    let ground = TrackDtm::new(&*dtm, &name, args.search_m)?;
     let mut report = Report { dtm: name, tracks: Vec::new(), flagged: 0 };
     for path in &args.tracks {
         let table = csv::read(path, args.csv_format.as_ref(), ground.sphere_m())?;

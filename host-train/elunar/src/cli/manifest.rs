@@ -1,11 +1,11 @@
 //! `elunar manifest`: makes or checks a manifest.
 
 use crate::cluster::apart::{self, User};
-use crate::cluster::item::Item;
-use crate::cluster::manifest::{Manifest, text};
+use crate::cluster::item::BatchItem;
+use crate::cluster::manifest::{BatchManifest, text};
 use crate::job::Inputs;
 use crate::outputs::uses::Uses;
-use crate::outputs::{self as output, Target};
+use crate::outputs::{self as output, OutputTarget};
 use elunar_base::{Error, Result, atomic_write, folder_of, read};
 use elunar_net::shipped;
 use elunar_raster::content::sha256_of_raster;
@@ -72,7 +72,7 @@ pub enum Hash {
 /// If an input is missing, an option is wrong, or the manifest cannot be written.
 pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.check {
-        let manifest = Manifest::read(path)?;
+        let manifest = BatchManifest::read(path)?;
         apart::check(path, uses_of(&manifest, path))?;
         println!("{}: {} items", path.display(), manifest.items.len());
         return Ok(());
@@ -98,9 +98,9 @@ pub fn run(args: Args) -> Result<()> {
         Some(table) => of_table(table, &mut take)?,
         None => of_images(&args.images)?.into_iter().try_for_each(take)?,
     }
-    let manifest = Manifest::parse(target, &content)?;
+    let manifest = BatchManifest::parse(target, &content)?;
     let mut uses = apart::uses(&manifest);
-    uses.write(&Target::File(target).files(), User::other("--output"));
+    uses.write(&OutputTarget::File(target).files(), User::other("--output"));
     inputs.iter().for_each(|input| uses.read(input, User::other("this command")));
     apart::check(target, uses)?;
     atomic_write(target, content.as_bytes())?;
@@ -109,7 +109,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Returns what the items of a manifest read and write, and the manifest itself, which is read.
-pub(super) fn uses_of(manifest: &Manifest, path: &Path) -> Uses<User> {
+pub(super) fn uses_of(manifest: &BatchManifest, path: &Path) -> Uses<User> {
     let mut uses = apart::uses(manifest);
     uses.read(path, User::other("the manifest"));
     uses
@@ -162,7 +162,7 @@ fn of_table(path: &Path, take: &mut dyn FnMut(Fields) -> Result<()>) -> Result<(
 }
 
 /// Makes an item of the fields of a table and the options of the command line.
-fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<PathBuf, String>) -> Result<Item> {
+fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<PathBuf, String>) -> Result<BatchItem> {
     let path = |path: &Path| -> Result<PathBuf> {
         read::refuse_address(path)?;
         let whole = absolute(path)?;
@@ -197,7 +197,7 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
     }
     let line = Value::Object(line).to_string();
     let wrong = |(field, what)| Error::input(format!("{}: field {field}: {what}", image.display()));
-    let mut item = Item::parse(&line).map_err(wrong)?;
+    let mut item = BatchItem::parse(&line).map_err(wrong)?;
     // Before all of it is read for its hash, and as `predict` will read it.
     Inputs { coarse: coarse.clone(), ..item.predict(folder)?.request.inputs }.open_coarse()?;
     match source::open(&image) {

@@ -8,7 +8,7 @@ use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
 use elunar_raster::{Crs, MOON_RADIUS_M};
 use elunar_scene::body;
-use elunar_scene::mosaic::{Grid, GridOptions, Input, JoinRules, WeightRules, join};
+use elunar_scene::mosaic::{Grid, GridOptions, JoinRules, MosaicInput, WeightRules, join};
 use std::path::{Path, PathBuf};
 
 /// Options of `mosaic`.
@@ -76,7 +76,7 @@ pub fn run(args: Args) -> Result<()> {
         let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
         return Err(Error::usage(what));
     }
-    let mut inputs: Vec<Input> = paths.iter().map(|path| open(path)).collect::<Result<_>>()?;
+    let mut inputs: Vec<MosaicInput> = paths.iter().map(|path| open(path)).collect::<Result<_>>()?;
     if let Some(crs) = &args.t_srs {
         inputs = reprojected(inputs, crs, args.tr)?;
     }
@@ -119,21 +119,21 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-fn open(path: &Path) -> Result<Input> {
-    Ok(Input { name: path.display().to_string(), source: heights(path)? })
+fn open(path: &Path) -> Result<MosaicInput> {
+    Ok(MosaicInput { name: path.display().to_string(), source: heights(path)? })
 }
 
 /// Reprojects the DTMs to another system. All get pixels of one size: the stated one, or the first DTM's.
-fn reprojected(inputs: Vec<Input>, crs: &Crs, mut spacing: Option<f64>) -> Result<Vec<Input>> {
+fn reprojected(inputs: Vec<MosaicInput>, crs: &Crs, mut spacing: Option<f64>) -> Result<Vec<MosaicInput>> {
     let mut seen = Vec::with_capacity(inputs.len());
     // All lie near the first, so that grids agree across the seam of longitudes.
     let mut near_x = None;
-    for Input { name, source } in inputs {
+    for MosaicInput { name, source } in inputs {
         let source = Reprojected::new(source.into(), &name, crs, (spacing, near_x), Interpolation::Bilinear)?;
         let place = source.info().georef.as_ref().map(|georef| georef.transform);
         spacing = spacing.or_else(|| place.map(|place| place[1]));
         near_x = near_x.or_else(|| place.map(|place| place[0]));
-        seen.push(Input { name, source: Box::new(source) });
+        seen.push(MosaicInput { name, source: Box::new(source) });
     }
     Ok(seen)
 }

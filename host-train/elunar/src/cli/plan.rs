@@ -1,7 +1,7 @@
 //! `elunar plan`: says beforehand what a manifest takes.
 
-use crate::cluster::item::Item;
-use crate::cluster::manifest::Manifest;
+use crate::cluster::item::BatchItem;
+use crate::cluster::manifest::BatchManifest;
 use crate::cluster::plan::{Cluster, Costs, model_of, plan};
 use elunar_base::{Error, Result};
 use elunar_net::shipped;
@@ -49,8 +49,8 @@ pub fn run(args: Args) -> Result<()> {
             return Err(Error::usage(format!("{name}: a number above 0 expected, {value} found")));
         }
     }
-    let manifest = Manifest::read(&args.manifest)?;
-    let items: Vec<Item> = manifest.items.iter().map(|(_, item)| item.clone()).collect();
+    let manifest = BatchManifest::read(&args.manifest)?;
+    let items: Vec<BatchItem> = manifest.items.iter().map(|(_, item)| item.clone()).collect();
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
     let model = model_of(&items, &manifest.folder);
     let model =

@@ -2,7 +2,7 @@
 
 use crate::job::{self, Request};
 use elunar_base::Result;
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use std::path::Path;
 
 /// Help text below the options.
@@ -41,6 +41,6 @@ pub fn run(args: Args) -> Result<()> {
 ///
 /// # Errors
 /// As [`run`].
-pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<()> {
+pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<()> {
     job::run(&args.request, open).map(|done| done.print(args.json))
 }

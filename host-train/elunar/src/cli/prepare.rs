@@ -3,7 +3,7 @@
 use clap::ValueEnum;
 use elunar_base::{Error, Result, interrupt, progress};
 use elunar_data::prepare::list::SceneFiles;
-use elunar_data::prepare::{Manifest, Parameters, Split, list, run as prepare};
+use elunar_data::prepare::{PrepareOptions, Split, TrainingSetManifest, list, run as prepare};
 use elunar_net::illumination::KnownSun;
 use elunar_net::sun::check_sun;
 use elunar_raster::align::Interpolation;
@@ -99,7 +99,7 @@ pub fn run(args: Args) -> Result<()> {
         scene.sun_azimuth_deg = scene.sun_azimuth_deg.or(args.sun_azimuth);
         scene.sun_elevation_deg = scene.sun_elevation_deg.or(args.sun_elevation);
     }
-    let parameters = Parameters {
+    let parameters = PrepareOptions {
         interpolation: name(args.interpolation),
         coarse_unit: args.coarse_unit.map(name),
         max_offset_px: args.max_offset,
@@ -123,7 +123,7 @@ fn name(value: impl ValueEnum) -> String {
     value.to_possible_value().map_or_else(String::new, |v| v.get_name().into())
 }
 
-fn summary(out: &Path, made: &Manifest) -> String {
+fn summary(out: &Path, made: &TrainingSetManifest) -> String {
     let mut text = format!("{}: {} of {} tiles kept", out.display(), made.kept, made.tiles);
     for (reason, count) in &made.dropped {
         let reason = serde_json::to_value(reason).unwrap_or_default();

@@ -1,7 +1,7 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
 use crate::job::{Inputs, Opened, warn};
-use crate::outputs::{self as output, Target};
+use crate::outputs::{self as output, OutputTarget};
 use elunar_base::{Error, Result, interrupt};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
@@ -11,8 +11,8 @@ use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
 use elunar_scene::predict::job::{Files, fill, finish, summary, survey};
 use elunar_scene::predict::notices::{notice_of_heights, notices};
-use elunar_scene::predict::{Input, Part, part_path};
-use elunar_scene::sfs::{Journal, Settings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
+use elunar_scene::predict::{NamedRaster, PartFile, part_path};
+use elunar_scene::sfs::{SfsJournal, SfsSettings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
 
 /// Options of `sfs`.
@@ -78,13 +78,14 @@ pub fn run(args: Args) -> Result<()> {
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
     }
-    let further: Vec<Target> = args.curve.iter().map(|path| Target::File(path)).collect();
+    let further: Vec<OutputTarget> = args.curve.iter().map(|path| OutputTarget::File(path)).collect();
     let (owner, _owners) = output::take_dtm(&args.output, &further, &inputs)?;
     let Opened { image, scene, sun } = args.inputs.open()?;
     if !fit_sun {
         both_angles(sun.sun, &image.name)?;
     }
-    let truth = args.truth.as_deref().map(|path| Input::heights(path, Statements::default(), None)).transpose()?;
+    let truth =
+        args.truth.as_deref().map(|path| NamedRaster::heights(path, Statements::default(), None)).transpose()?;
     let side_m = image.source.info().side_m(&image.name)?;
     let survey = survey(&scene)?;
     let lighting = survey.lighting(Illumination::Given, sun.sun);
@@ -92,9 +93,9 @@ pub fn run(args: Args) -> Result<()> {
     let settings = args.settings(both_angles(angles, &image.name)?, side_m);
     settings.light()?;
     warn(&notices(&scene, &survey, &sun, &lighting, args.inputs.coarse_unit.is_some())?);
-    let journal = Journal::new(&scene, &image, truth)?;
+    let journal = SfsJournal::new(&scene, &image, truth)?;
     let identity = args.identity(&settings)?;
-    let part = Part::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
+    let part = PartFile::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
     let (mut part, tally) = fill(part, scene.rows, &owner, |from, keep, progress| {
         solve_rows(&scene, &settings, &journal, from, keep, progress)
     })?;
@@ -157,9 +158,9 @@ fn fitted(known: KnownSun, lighting: &Lighting, image: &str) -> Result<KnownSun>
 }
 
 impl Args {
-    fn settings(&self, (azimuth_deg, elevation_deg): (f64, f64), pixel_m: f64) -> Settings {
-        let default = Settings::new(azimuth_deg, elevation_deg, pixel_m);
-        Settings {
+    fn settings(&self, (azimuth_deg, elevation_deg): (f64, f64), pixel_m: f64) -> SfsSettings {
+        let default = SfsSettings::new(azimuth_deg, elevation_deg, pixel_m);
+        SfsSettings {
             smoothness_weight_m: self.smoothness_weight.unwrap_or(default.smoothness_weight_m),
             dem_constraint_weight_per_m: self.dem_constraint_weight.unwrap_or(default.dem_constraint_weight_per_m),
             shadow_threshold: self.shadow_threshold.unwrap_or(default.shadow_threshold),
@@ -172,7 +173,7 @@ impl Args {
     }
 
     /// Returns what identifies this job.
-    fn identity(&self, settings: &Settings) -> Result<Identity> {
+    fn identity(&self, settings: &SfsSettings) -> Result<Identity> {
         let number = |value: Option<f64>| value.map(|value| value.to_string());
         let of_run = [
             ("sun_azimuth_deg", number(Some(settings.sun_azimuth_deg))),

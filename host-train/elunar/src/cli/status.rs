@@ -2,10 +2,10 @@
 
 use super::manifest::uses_of;
 use crate::cluster::apart::{self, User};
-use crate::cluster::manifest::{Manifest, text};
-use crate::cluster::status::{State, Status, done_list, read_logs};
+use crate::cluster::manifest::{BatchManifest, text};
+use crate::cluster::status::{ItemState, Status, done_list, read_logs};
 use crate::html::{Cell, document, escaped, table};
-use crate::outputs::Target;
+use crate::outputs::OutputTarget;
 use crate::program;
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, atomic_write};
@@ -52,14 +52,14 @@ pub struct Args {
 /// # Errors
 /// If the manifest or a log cannot be read, a file cannot be written, or fewer items are done than required.
 pub fn run(args: Args) -> Result<()> {
-    let manifest = Manifest::read(&args.manifest)?;
+    let manifest = BatchManifest::read(&args.manifest)?;
     let _owners = take(&args, &manifest)?;
     let status = Status::new(&manifest, read_logs(&args.logs)?, args.verify);
     if let Some(path) = &args.done {
         atomic_write(path, done_list(&status, &manifest.folder).as_bytes())?;
     }
     if let Some(path) = &args.resubmit {
-        atomic_write(path, text(status.of(&[State::TryAgain, State::Waiting]))?.as_bytes())?;
+        atomic_write(path, text(status.of(&[ItemState::TryAgain, ItemState::Waiting]))?.as_bytes())?;
     }
     if let Some(path) = &args.html {
         atomic_write(path, page(&args.manifest, &status).as_bytes())?;
@@ -70,7 +70,7 @@ pub fn run(args: Args) -> Result<()> {
 }
 
 /// Takes the files to write, before the work starts: none is the manifest, a log, or a file that an item reads or writes.
-fn take(args: &Args, manifest: &Manifest) -> Result<Vec<Owner>> {
+fn take(args: &Args, manifest: &BatchManifest) -> Result<Vec<Owner>> {
     let outputs = [(&args.done, "--done"), (&args.resubmit, "--resubmit"), (&args.html, "--html")];
     if let Some(path) = &args.resubmit {
         let same = |path: &Path| std::path::absolute(elunar_base::folder_of(path)).ok();
@@ -84,18 +84,18 @@ fn take(args: &Args, manifest: &Manifest) -> Result<Vec<Owner>> {
     if outputs().next().is_some() {
         let mut uses = uses_of(manifest, &args.manifest);
         args.logs.iter().for_each(|log| uses.read(log, User::other("this command")));
-        outputs().for_each(|(path, option)| uses.write(&Target::File(path).files(), User::other(option)));
+        outputs().for_each(|(path, option)| uses.write(&OutputTarget::File(path).files(), User::other(option)));
         apart::check(&args.manifest, uses)?;
     }
     outputs().map(|(path, _)| Owner::of_file(path)).collect()
 }
 
 /// Counts, their names and states.
-const STATES: [(&str, State); 4] = [
-    ("done", State::Done),
-    ("failed for good", State::Failed),
-    ("to try again", State::TryAgain),
-    ("without an attempt", State::Waiting),
+const STATES: [(&str, ItemState); 4] = [
+    ("done", ItemState::Done),
+    ("failed for good", ItemState::Failed),
+    ("to try again", ItemState::TryAgain),
+    ("without an attempt", ItemState::Waiting),
 ];
 
 /// Prints the counts. The object of too few done has its error, too.
@@ -136,7 +136,7 @@ fn required(status: &Status, percent: Option<f64>) -> Result<()> {
     if done >= percent - 1e-9 {
         return Ok(());
     }
-    let reachable = 100.0 * (all - status.count(State::Failed) as f64) / all;
+    let reachable = 100.0 * (all - status.count(ItemState::Failed) as f64) / all;
     let text = format!("--require: {percent} % of the items done expected, {done:.2} % found");
     if reachable >= percent - 1e-9 {
         Err(Error::stopped(text))

@@ -4,7 +4,7 @@ use elunar_base::output::Owner;
 use elunar_base::{Error, Result, SOFTWARE, interrupt, progress};
 use elunar_core::terrain::PixelSize;
 use elunar_picture::{Panel, hillshades, sheet, stretch, write_png};
-use elunar_synth::{MANIFEST, Manifest, Moon, SceneEntry, SynthOptions, SynthScene, TerrainKind, scene_files};
+use elunar_synth::{MANIFEST, Moon, SceneEntry, SynthManifest, SynthOptions, SynthScene, TerrainKind, scene_files};
 use rayon::prelude::*;
 use std::path::PathBuf;
 
@@ -114,7 +114,7 @@ pub fn run(args: Args) -> Result<()> {
     let (scenes, panels): (Vec<SceneEntry>, Vec<Vec<Panel>>) = made?.into_iter().unzip();
     write_png(&args.out.join(SHEET), sheet(&panels.concat(), 3, 480))?;
     let made_by = SOFTWARE.into();
-    Manifest { made_by, seed: args.seed, options, scenes }.write(&args.out)?;
+    SynthManifest { made_by, seed: args.seed, options, scenes }.write(&args.out)?;
     println!(
         "{}: {} scenes of {rows} x {cols} pixels, contact_sheet.png, manifest.json",
         args.out.display(),

@@ -1,7 +1,7 @@
 //! No item may write what another item, or it itself, reads or writes.
 
-use super::manifest::Manifest;
-use crate::outputs::Target;
+use super::manifest::BatchManifest;
+use crate::outputs::OutputTarget;
 use crate::outputs::uses::{Clash, Uses};
 use elunar_base::{Error, Result};
 use elunar_net::shipped;
@@ -33,13 +33,13 @@ impl fmt::Display for User {
 
 /// Returns all files that the items of a manifest read and write.
 #[must_use]
-pub fn uses(manifest: &Manifest) -> Uses<User> {
+pub fn uses(manifest: &BatchManifest) -> Uses<User> {
     let (mut uses, at) = (Uses::default(), |path: &Path| manifest.folder.join(path));
     for (line, item) in &manifest.items {
         let user = |field| User { line: *line, field };
-        uses.write(&Target::Dtm(&at(&item.output)).files(), user("output"));
+        uses.write(&OutputTarget::Dtm(&at(&item.output)).files(), user("output"));
         if let Some(path) = item.uncertainty() {
-            uses.write(&Target::Errors(&at(path)).files(), user("options.uncertainty"));
+            uses.write(&OutputTarget::Errors(&at(path)).files(), user("options.uncertainty"));
         }
         for (path, field) in [(&item.image, "image"), (&item.coarse, "coarse")] {
             uses.read(&at(path), user(field));
@@ -68,17 +68,17 @@ pub fn check(manifest: &Path, uses: Uses<User>) -> Result<()> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::item::Item;
+    use super::super::item::BatchItem;
     use super::*;
     use std::path::PathBuf;
 
-    fn item(image: &str, output: &str) -> Item {
+    fn item(image: &str, output: &str) -> BatchItem {
         let [image, coarse, model, output] = [image, "c.tif", "m.eld", output].map(PathBuf::from);
-        Item { id: "a".into(), image, coarse, model, output, ..Item::default() }
+        BatchItem { id: "a".into(), image, coarse, model, output, ..BatchItem::default() }
     }
 
-    fn refused(folder: &Path, items: &[Item]) -> Option<String> {
-        let manifest = Manifest { folder: folder.into(), items: (1..).zip(items.iter().cloned()).collect() };
+    fn refused(folder: &Path, items: &[BatchItem]) -> Option<String> {
+        let manifest = BatchManifest { folder: folder.into(), items: (1..).zip(items.iter().cloned()).collect() };
         check(Path::new("m.jsonl"), uses(&manifest)).err().map(|error| error.to_string())
     }
 
@@ -104,9 +104,9 @@ mod tests {
             assert!(refused(at, &wrong).unwrap().contains("line 2, field output"), "{coarse_or_model}");
         }
         let errors = |path: &str| [("uncertainty".to_string(), path.into())].into();
-        let wrong = [item("a.tif", "d/a.tif"), Item { options: errors("a.tif"), ..item("b.tif", "d/b.tif") }];
+        let wrong = [item("a.tif", "d/a.tif"), BatchItem { options: errors("a.tif"), ..item("b.tif", "d/b.tif") }];
         assert!(refused(at, &wrong).unwrap().contains("line 2, field options.uncertainty"));
-        let wrong = [item("a.tif", "d/a.tif"), Item { options: errors("d/a.tif"), ..item("b.tif", "d/b.tif") }];
+        let wrong = [item("a.tif", "d/a.tif"), BatchItem { options: errors("d/a.tif"), ..item("b.tif", "d/b.tif") }];
         let text = refused(at, &wrong).unwrap();
         assert!(text.contains("which is also written by line 1, field output"), "{text}");
     }
@@ -114,7 +114,7 @@ mod tests {
     #[test]
     fn a_hundred_thousand_items_take_seconds() {
         let folder = tempfile::tempdir().unwrap();
-        let mut items: Vec<Item> =
+        let mut items: Vec<BatchItem> =
             (0..100_000).map(|i| item(&format!("images/{i}.tif"), &format!("dtms/{i}.tif"))).collect();
         std::fs::create_dir(folder.path().join("images")).unwrap();
         let start = std::time::Instant::now();

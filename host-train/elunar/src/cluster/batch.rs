@@ -1,7 +1,7 @@
 //! A chunk of a manifest: one process an image, several at a time. A failure ends its item alone.
 
-use super::item::Item;
-use super::outcome::{Outcome, Verdict, now_s};
+use super::item::BatchItem;
+use super::outcome::{AttemptRecord, ItemOutcome, now_s};
 use elunar_base::{Error, Result, folder_of, interrupt};
 use std::collections::VecDeque;
 use std::io::Read;
@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 /// How items are run.
 #[derive(Debug, Clone)]
-pub struct Manner {
+pub struct BatchOptions {
     /// The program whose `predict` is run.
     pub program: PathBuf,
     /// Further words for `predict`.
@@ -29,7 +29,7 @@ pub struct Manner {
 }
 
 /// An item, and its line in the manifest.
-type Line = (usize, Item);
+type Line = (usize, BatchItem);
 
 /// Pause between two rounds of attempts.
 const PAUSE: Duration = Duration::from_secs(2);
@@ -40,7 +40,7 @@ const GRACE: Duration = Duration::from_millis(300);
 
 /// Numbers of items of a chunk, by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
+pub struct ItemCounts {
     /// Made, now or before.
     pub done: usize,
     /// Never succeeds.
@@ -56,11 +56,11 @@ pub struct Counts {
 pub fn run(
     items: &[&Line],
     folder: &Path,
-    manner: &Manner,
-    tell: &mut dyn FnMut(&Outcome) -> Result<()>,
-) -> Result<Counts> {
+    manner: &BatchOptions,
+    tell: &mut dyn FnMut(&AttemptRecord) -> Result<()>,
+) -> Result<ItemCounts> {
     interrupt::listen();
-    let (mut counts, start) = (Counts::default(), Instant::now());
+    let (mut counts, start) = (ItemCounts::default(), Instant::now());
     let mut left: Vec<&Line> = items.to_vec();
     loop {
         let all = left.len();
@@ -68,9 +68,9 @@ pub fn run(
         let begun = round(&left, folder, manner, &mut |item, outcome| {
             tell(outcome)?;
             match outcome.verdict {
-                Verdict::Done | Verdict::DoneBefore => counts.done += 1,
-                Verdict::Failed => counts.failed += 1,
-                Verdict::TryAgain => again.push(item),
+                ItemOutcome::Done | ItemOutcome::DoneBefore => counts.done += 1,
+                ItemOutcome::Failed => counts.failed += 1,
+                ItemOutcome::TryAgain => again.push(item),
             }
             Ok(())
         })?;
@@ -90,8 +90,8 @@ pub fn run(
 fn round<'a>(
     items: &[&'a Line],
     folder: &Path,
-    manner: &Manner,
-    tell: &mut dyn FnMut(&'a Line, &Outcome) -> Result<()>,
+    manner: &BatchOptions,
+    tell: &mut dyn FnMut(&'a Line, &AttemptRecord) -> Result<()>,
 ) -> Result<usize> {
     let waiting: Mutex<VecDeque<&Line>> = Mutex::new(items.iter().copied().collect());
     std::thread::scope(|scope| {
@@ -113,9 +113,9 @@ fn round<'a>(
 fn work<'a>(
     waiting: &Mutex<VecDeque<&'a Line>>,
     folder: &Path,
-    manner: &Manner,
+    manner: &BatchOptions,
     slot: usize,
-    send: &Sender<(&'a Line, Outcome)>,
+    send: &Sender<(&'a Line, AttemptRecord)>,
 ) {
     while !interrupt::requested() {
         let Some(item) = waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop_front() else { return };
@@ -129,7 +129,7 @@ fn work<'a>(
 }
 
 /// Checks that files whose hashes the manifest states have the sizes that it states, and makes the folder of the DTM.
-fn check(item: &Item, folder: &Path) -> Result<()> {
+fn check(item: &BatchItem, folder: &Path) -> Result<()> {
     let stated =
         [(&item.image, item.image_bytes, &item.image_sha256), (&item.coarse, item.coarse_bytes, &item.coarse_sha256)];
     for (path, bytes, hash) in stated {
@@ -155,7 +155,7 @@ struct Ended {
     error: Option<String>,
 }
 
-fn attempt(item: &Item, folder: &Path, manner: &Manner) -> Result<Ended> {
+fn attempt(item: &BatchItem, folder: &Path, manner: &BatchOptions) -> Result<Ended> {
     let program = Error::io(&manner.program);
     let mut command = Command::new(&manner.program);
     command.arg("predict").args(item.words(folder)?).arg(format!("--threads={}", manner.threads)).arg("--json");
@@ -215,18 +215,18 @@ fn stop(child: &mut Child) {
 fn outcome(
     (line, item): &Line,
     ended: Result<Ended>,
-    manner: &Manner,
+    manner: &BatchOptions,
     slot: usize,
     (start_s, seconds): (f64, f64),
-) -> Outcome {
+) -> AttemptRecord {
     let (code, error, record) = match ended {
         Ok(ended) => (code_of(ended.status), ended.error, ended.record),
         Err(error) => (i32::from(crate::program::code_of(&error)), Some(error.to_string()), serde_json::Value::Null),
     };
-    let verdict = Verdict::of(Some(code), record["finished_before"] == true);
+    let verdict = ItemOutcome::of(Some(code), record["finished_before"] == true);
     let pixels = record["rows"].as_u64().zip(record["cols"].as_u64()).map(|(rows, cols)| rows * cols);
     let error = error.or_else(|| (code != 0).then(|| format!("ended with code {code}, without an error line")));
-    Outcome {
+    AttemptRecord {
         id: item.id.clone(),
         line: *line,
         verdict,

@@ -1,7 +1,7 @@
 //! What lies where a batch would write: it replaces what an earlier run wrote, and nothing else.
 
-use super::item::Item;
-use crate::outputs::Target;
+use super::item::BatchItem;
+use crate::outputs::OutputTarget;
 use crate::outputs::beside::{FOREIGN, foreign};
 use elunar_base::{Error, Result};
 use elunar_scene::predict::identity::states_a_job;
@@ -13,7 +13,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Broken`] with line, field and file; [`Error::Usage`] if `part_dir` is no folder.
-pub fn check(manifest: &Path, items: &[&(usize, Item)], folder: &Path, part_dir: Option<&Path>) -> Result<()> {
+pub fn check(manifest: &Path, items: &[&(usize, BatchItem)], folder: &Path, part_dir: Option<&Path>) -> Result<()> {
     for (line, item) in items {
         let dtm = folder.join(&item.output);
         if !dtm.parent().is_some_and(Path::is_dir) {
@@ -23,7 +23,7 @@ pub fn check(manifest: &Path, items: &[&(usize, Item)], folder: &Path, part_dir:
         let errors = item.uncertainty().map(|path| folder.join(path));
         let targets = [(Some(&dtm), "output"), (errors.as_ref(), "options.uncertainty")];
         for (path, field) in targets.into_iter().filter_map(|(path, field)| Some((path?, field))) {
-            let target = if field == "output" { Target::Dtm(path) } else { Target::Errors(path) };
+            let target = if field == "output" { OutputTarget::Dtm(path) } else { OutputTarget::Errors(path) };
             let is_own = if path.symlink_metadata().is_ok() { states_a_job(path) } else { has_begun };
             if let Some(found) = foreign(target, is_own).next() {
                 let text = format!("line {line}, field {field}: {}: {FOREIGN}", found.display());

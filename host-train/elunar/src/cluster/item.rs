@@ -31,7 +31,7 @@ const MOST_ID: usize = 100;
 
 /// An image and what is made of it.
 #[derive(Debug, Clone, PartialEq, Serialize, Default)]
-pub struct Item {
+pub struct BatchItem {
     /// Name of the item: letters, digits, `.`, `_` and `-`.
     pub id: String,
     /// Image.
@@ -81,7 +81,7 @@ struct Line {
     predict: predict::Args,
 }
 
-impl Item {
+impl BatchItem {
     /// Reads a line.
     ///
     /// # Errors
@@ -259,18 +259,18 @@ mod tests {
 
     #[test]
     fn a_line_becomes_the_words_of_predict() {
-        let item = Item::parse(GOOD).unwrap();
+        let item = BatchItem::parse(GOOD).unwrap();
         let words = item.words(Path::new("/data")).unwrap().join(" ");
         let expected = "--image=/data/a.tif --coarse=/data/c.tif --model=/data/m.eld --output=/data/out/a.tif \
             --sun-azimuth=12.5 --coarse-unit=km --image-nodata=-1 --no-anchor --overlap=80";
         assert_eq!(words, expected);
-        let again = Item::parse(&serde_json::to_string(&item).unwrap()).unwrap();
+        let again = BatchItem::parse(&serde_json::to_string(&item).unwrap()).unwrap();
         assert_eq!(again, item);
     }
 
     #[test]
     fn what_is_wrong_is_named_by_its_field() {
-        let change = |from: &str, to: &str| Item::parse(&GOOD.replace(from, to)).unwrap_err();
+        let change = |from: &str, to: &str| BatchItem::parse(&GOOD.replace(from, to)).unwrap_err();
         let cases = [
             (r#""id":"a""#, r#""id":"a/b""#, "id", "letters, digits"),
             (r#""id":"a","#, "", "id", "none found"),

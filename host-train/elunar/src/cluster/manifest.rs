@@ -1,6 +1,6 @@
 //! A manifest: JSON lines, one an image. All lines are checked before anything starts.
 
-use super::item::Item;
+use super::item::BatchItem;
 use elunar_base::{Error, Result, folder_of, read};
 use elunar_scene::predict::span::PartOf;
 use std::collections::HashMap;
@@ -8,14 +8,14 @@ use std::path::{Path, PathBuf};
 
 /// A manifest that was read and checked.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Manifest {
+pub struct BatchManifest {
     /// The folder that paths of the manifest start from, if they are not absolute.
     pub folder: PathBuf,
     /// The items with the numbers of their lines.
-    pub items: Vec<(usize, Item)>,
+    pub items: Vec<(usize, BatchItem)>,
 }
 
-impl Manifest {
+impl BatchManifest {
     /// Reads a manifest. Empty lines are left out.
     ///
     /// # Errors
@@ -32,7 +32,7 @@ impl Manifest {
         let (mut items, mut ids) = (vec![], HashMap::new());
         for (line, text) in (1..).zip(text.lines()).filter(|(_, text)| !text.trim().is_empty()) {
             let wrong = |(field, what)| Error::broken(path, format!("line {line}, field {field}: {what}"));
-            let item = Item::parse(text).map_err(wrong)?;
+            let item = BatchItem::parse(text).map_err(wrong)?;
             if let Some(other) = ids.insert(item.id.clone(), line) {
                 return Err(wrong(("id".into(), format!("another than that of line {other} expected"))));
             }
@@ -46,7 +46,7 @@ impl Manifest {
 
     /// Returns the items of a chunk: every n-th line, so that neighbours of one size spread over all chunks.
     #[must_use]
-    pub fn chunk(&self, chunk: PartOf) -> Vec<&(usize, Item)> {
+    pub fn chunk(&self, chunk: PartOf) -> Vec<&(usize, BatchItem)> {
         self.items.iter().skip(chunk.k - 1).step_by(chunk.n).collect()
     }
 }
@@ -55,8 +55,8 @@ impl Manifest {
 ///
 /// # Errors
 /// [`Error::Usage`] if JSON cannot represent a number.
-pub fn text<'a>(items: impl IntoIterator<Item = &'a Item>) -> Result<String> {
-    let line = |item: &Item| serde_json::to_string(item).map(|line| line + "\n");
+pub fn text<'a>(items: impl IntoIterator<Item = &'a BatchItem>) -> Result<String> {
+    let line = |item: &BatchItem| serde_json::to_string(item).map(|line| line + "\n");
     items
         .into_iter()
         .map(line)
@@ -68,18 +68,18 @@ pub fn text<'a>(items: impl IntoIterator<Item = &'a Item>) -> Result<String> {
 mod tests {
     use super::*;
 
-    fn item(id: &str) -> Item {
+    fn item(id: &str) -> BatchItem {
         let [image, coarse, model] = ["i.tif", "c.tif", "m.eld"].map(PathBuf::from);
-        Item { id: id.into(), image, coarse, model, output: format!("{id}.tif").into(), ..Item::default() }
+        BatchItem { id: id.into(), image, coarse, model, output: format!("{id}.tif").into(), ..BatchItem::default() }
     }
 
     #[test]
     fn lines_are_read_and_chunks_cover_them_once() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("m.jsonl");
-        let items: Vec<Item> = (0..7).map(|i| item(&format!("i{i}"))).collect();
+        let items: Vec<BatchItem> = (0..7).map(|i| item(&format!("i{i}"))).collect();
         std::fs::write(&path, text(&items).unwrap().replace("\n{\"id\":\"i3\"", "\n\n{\"id\":\"i3\"")).unwrap();
-        let manifest = Manifest::read(&path).unwrap();
+        let manifest = BatchManifest::read(&path).unwrap();
         assert_eq!(manifest.items.iter().map(|(_, item)| item.clone()).collect::<Vec<_>>(), items);
         assert_eq!(manifest.items[3].0, 5, "empty lines count as lines");
         for n in [1, 2, 3, 9] {
@@ -96,7 +96,7 @@ mod tests {
         let path = folder.path().join("m.jsonl");
         let refused = |content: String| {
             std::fs::write(&path, content).unwrap();
-            Manifest::read(&path).unwrap_err().to_string()
+            BatchManifest::read(&path).unwrap_err().to_string()
         };
         let good = text(&[item("a"), item("b")]).unwrap();
         let error =

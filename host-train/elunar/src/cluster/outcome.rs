@@ -7,7 +7,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 /// What became of an item.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Verdict {
+pub enum ItemOutcome {
     /// The DTM is made.
     Done,
     /// The DTM was there, by the same job, and has its SHA-256.
@@ -18,7 +18,7 @@ pub enum Verdict {
     Failed,
 }
 
-impl Verdict {
+impl ItemOutcome {
     /// Judges an exit code; `None` is an end by a signal that was not caught.
     #[must_use]
     pub fn of(code: Option<i32>, is_before: bool) -> Self {
@@ -41,13 +41,13 @@ impl Verdict {
 
 /// The line about an attempt at an item.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Outcome {
+pub struct AttemptRecord {
     /// Name of the item.
     pub id: String,
     /// Its line in the manifest.
     pub line: usize,
     /// What became of it.
-    pub verdict: Verdict,
+    pub verdict: ItemOutcome,
     /// Exit code; 128 plus the signal for a process that a signal ended.
     pub code: i32,
     /// The error, if there was one.
@@ -70,7 +70,7 @@ pub struct Outcome {
     pub pixels: Option<u64>,
 }
 
-impl Outcome {
+impl AttemptRecord {
     /// Returns the kind of a failure for counts: by its exit code.
     #[must_use]
     pub fn kind(&self) -> &'static str {
@@ -99,18 +99,18 @@ mod tests {
     #[test]
     fn the_exit_code_decides() {
         let cases = [
-            (Some(0), Verdict::Done),
-            (Some(64), Verdict::Failed),
-            (Some(65), Verdict::Failed),
-            (Some(70), Verdict::Failed),
-            (Some(71), Verdict::TryAgain),
-            (Some(75), Verdict::TryAgain),
-            (Some(143), Verdict::TryAgain),
-            (None, Verdict::TryAgain),
+            (Some(0), ItemOutcome::Done),
+            (Some(64), ItemOutcome::Failed),
+            (Some(65), ItemOutcome::Failed),
+            (Some(70), ItemOutcome::Failed),
+            (Some(71), ItemOutcome::TryAgain),
+            (Some(75), ItemOutcome::TryAgain),
+            (Some(143), ItemOutcome::TryAgain),
+            (None, ItemOutcome::TryAgain),
         ];
         for (code, verdict) in cases {
-            assert_eq!(Verdict::of(code, false), verdict, "{code:?}");
+            assert_eq!(ItemOutcome::of(code, false), verdict, "{code:?}");
         }
-        assert_eq!(Verdict::of(Some(0), true), Verdict::DoneBefore);
+        assert_eq!(ItemOutcome::of(Some(0), true), ItemOutcome::DoneBefore);
     }
 }

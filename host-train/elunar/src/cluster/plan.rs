@@ -1,6 +1,6 @@
 //! What a run will take, from costs that are measured on this machine.
 
-use super::item::Item;
+use super::item::BatchItem;
 use elunar_base::{Error, Result};
 use elunar_core::tile::{Shape, Tiling};
 use serde::Serialize;
@@ -77,7 +77,7 @@ impl Costs {
 
     /// Returns the seconds of an item on one processor. The size of the image must be known.
     #[must_use]
-    pub fn seconds(&self, item: &Item) -> f64 {
+    pub fn seconds(&self, item: &BatchItem) -> f64 {
         self.start_s + self.tile_s * tiles(item.rows.unwrap_or(1), item.cols.unwrap_or(1)) as f64
     }
 }
@@ -119,7 +119,7 @@ pub struct Cluster {
 
 /// What a run will take.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Plan {
+pub struct BatchPlan {
     /// Items whose size is known.
     pub items: usize,
     /// Items whose size is unknown: they cost nothing here.
@@ -153,10 +153,10 @@ const TASKS_A_NODE: usize = 4;
 
 /// Plans the run of some items.
 #[must_use]
-pub fn plan<'a>(items: impl IntoIterator<Item = &'a Item>, costs: &Costs, cluster: &Cluster) -> Plan {
-    let (known, others): (Vec<&Item>, Vec<&Item>) =
+pub fn plan<'a>(items: impl IntoIterator<Item = &'a BatchItem>, costs: &Costs, cluster: &Cluster) -> BatchPlan {
+    let (known, others): (Vec<&BatchItem>, Vec<&BatchItem>) =
         items.into_iter().partition(|item| item.rows.is_some() && item.cols.is_some());
-    let pixels = |item: &Item| item.rows.unwrap_or(0) * item.cols.unwrap_or(0);
+    let pixels = |item: &BatchItem| item.rows.unwrap_or(0) * item.cols.unwrap_or(0);
     let seconds: Vec<f64> = known.iter().map(|item| costs.seconds(item)).collect();
     let total_s: f64 = seconds.iter().sum();
     let bytes_in = known.iter().filter_map(|item| item.image_bytes).sum();
@@ -168,7 +168,7 @@ pub fn plan<'a>(items: impl IntoIterator<Item = &'a Item>, costs: &Costs, cluste
     let chunks = by_length.max(TASKS_A_NODE * cluster.nodes).min(known.len().max(1)).min(cluster.most_tasks);
     let processors_s = makespan(&seconds, chunks, cluster);
     let storage_s = (bytes_in + bytes_out) as f64 / cluster.storage_bytes_s;
-    Plan {
+    BatchPlan {
         items: known.len(),
         unknown: others.len(),
         core_hours: total_s / 3600.0,
@@ -207,7 +207,7 @@ fn makespan(seconds: &[f64], chunks: usize, cluster: &Cluster) -> f64 {
 
 /// Returns the model of a manifest: that of its first item.
 #[must_use]
-pub fn model_of(items: &[Item], folder: &Path) -> PathBuf {
+pub fn model_of(items: &[BatchItem], folder: &Path) -> PathBuf {
     items.first().map_or_else(PathBuf::new, |item| item.model_at(folder))
 }
 
@@ -221,14 +221,14 @@ mod tests {
         Cluster { nodes, cores, storage_bytes_s, task_s: 0.0, most_tasks: 1000 }
     }
 
-    fn item(rows: u64, cols: u64) -> Item {
-        Item { rows: Some(rows), cols: Some(cols), image_bytes: Some(rows * cols), ..Item::default() }
+    fn item(rows: u64, cols: u64) -> BatchItem {
+        BatchItem { rows: Some(rows), cols: Some(cols), image_bytes: Some(rows * cols), ..BatchItem::default() }
     }
 
     #[test]
     fn equal_items_take_what_a_division_says() {
         assert_eq!((tiles(256, 320), tiles(100, 100), tiles(412, 320), tiles(900, 1240)), (1, 1, 2, 36));
-        let items: Vec<Item> = (0..64).map(|_| item(412, 320)).collect();
+        let items: Vec<BatchItem> = (0..64).map(|_| item(412, 320)).collect();
         let made = plan(&items, &COSTS, &cluster(4, 2, 1e12));
         // Two seconds each, 16 tasks of 4 items, 4 tasks a node one after the other.
         assert_eq!((made.chunks, made.chunk_items, made.limit), (16, 4, "processors"));
@@ -237,7 +237,7 @@ mod tests {
         let bytes = 64.0 * 412.0 * 320.0;
         assert_eq!(slow.limit, "storage");
         assert!((slow.seconds - (bytes + 7.0 * bytes) / 1e6).abs() < 0.01, "{slow:?}");
-        let unknown = plan(&[Item::default()], &COSTS, &cluster(1, 1, 1e6));
+        let unknown = plan(&[BatchItem::default()], &COSTS, &cluster(1, 1, 1e6));
         assert_eq!((unknown.items, unknown.unknown, unknown.seconds), (0, 1, 0.0));
     }
 }

@@ -6,7 +6,7 @@ mod text;
 use elunar_base::{Error, Result};
 use elunar_core::nn::Kernel;
 use elunar_core::nn::file::MAGIC;
-use elunar_net::inspect::model::Plan;
+use elunar_net::inspect::model::ModelFigures;
 use elunar_net::inspect::{self as network, is_model, is_safetensors};
 use elunar_net::shipped;
 use elunar_raster::format::{Format, head};
@@ -61,7 +61,7 @@ fn first_bytes(path: &Path) -> Result<Vec<u8>> {
 ///
 /// # Errors
 /// As [`elunar_net::inspect::plan`], or if the file cannot be read.
-pub fn plan(path: &Path, time: Option<(Kernel, usize)>) -> Result<Plan> {
+pub fn plan(path: &Path, time: Option<(Kernel, usize)>) -> Result<ModelFigures> {
     network::plan(path, &first_bytes(path)?, time)
 }
 

@@ -3,7 +3,7 @@
 use elunar_base::Result;
 use elunar_evaluate::lola::{csv, track};
 use elunar_raster::MOON_RADIUS_M;
-use elunar_raster::pds3::Block;
+use elunar_raster::pds3::LabelBlock;
 use std::path::Path;
 
 /// Keywords that identify a product.
@@ -19,7 +19,7 @@ const TELLING: [&str; 8] = [
 ];
 
 /// Describes a label by its identifying keywords, its pointers and its blocks.
-pub(super) fn label(label: &Block) -> String {
+pub(super) fn label(label: &LabelBlock) -> String {
     let mut text = format!("PDS3 label of {} keywords\n", count(label));
     for key in TELLING {
         if let Some(item) = label.items.iter().find(|item| item.key == key) {
@@ -31,15 +31,15 @@ pub(super) fn label(label: &Block) -> String {
     (text + &names.join("\n")).trim_end().into()
 }
 
-pub(super) fn label_points_at_image(label: &Block) -> bool {
+pub(super) fn label_points_at_image(label: &LabelBlock) -> bool {
     label.items.iter().any(|item| item.key == "^IMAGE") || label.blocks.iter().any(label_points_at_image)
 }
 
-fn count(block: &Block) -> usize {
+fn count(block: &LabelBlock) -> usize {
     block.items.len() + block.blocks.iter().map(count).sum::<usize>()
 }
 
-fn outline(block: &Block, indent: &str, out: &mut Vec<String>) {
+fn outline(block: &LabelBlock, indent: &str, out: &mut Vec<String>) {
     let pointers = block.items.iter().filter(|item| item.key.starts_with('^'));
     out.extend(pointers.map(|item| format!("{indent}{} = {}", item.key, item.value)));
     for inner in &block.blocks {
@@ -60,7 +60,7 @@ pub(super) fn heading(head: &[u8]) -> Option<String> {
 pub(super) fn points(path: &Path, heading: &str) -> Result<String> {
     let table = csv::read(path, None, MOON_RADIUS_M)?;
     let tracks = track::split(&table.points, track::TRACK_GAP_S).len();
-    let range = |of: fn(&track::Point) -> f64| {
+    let range = |of: fn(&track::LaserSpot) -> f64| {
         let values = table.points.iter().map(of);
         (values.clone().fold(f64::INFINITY, f64::min), values.fold(f64::NEG_INFINITY, f64::max))
     };

@@ -8,7 +8,7 @@ use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_scene::predict::notices::check_exchange;
 use elunar_scene::predict::sun::KnownFrom;
-use elunar_scene::predict::{Input, Scene};
+use elunar_scene::predict::{NamedRaster, Scene};
 use std::path::PathBuf;
 
 /// Image and coarse DTM.
@@ -49,7 +49,7 @@ pub struct Inputs {
 /// The opened inputs.
 pub struct Opened {
     /// The image.
-    pub image: Input,
+    pub image: NamedRaster,
     /// Image and coarse DTM on the image's grid.
     pub scene: Scene,
     /// The Sun, and who says so.
@@ -62,7 +62,7 @@ impl Inputs {
     /// # Errors
     /// If a file cannot be read, or the two do not belong together.
     pub fn open(&self) -> Result<Opened> {
-        let image = Input::image(&self.image, self.image_srs.clone(), self.image_nodata)?;
+        let image = NamedRaster::image(&self.image, self.image_srs.clone(), self.image_nodata)?;
         let coarse = self.open_coarse()?;
         check_exchange(&image, &coarse, self.coarse_unit.is_some())?;
         let of_file = if self.fit_sun { StatedSun::default() } else { image.source.info().sun };
@@ -74,9 +74,9 @@ impl Inputs {
     ///
     /// # Errors
     /// As [`Input::heights`].
-    pub fn open_coarse(&self) -> Result<Input> {
+    pub fn open_coarse(&self) -> Result<NamedRaster> {
         let stated = Statements { srs: self.coarse_srs.clone(), unit: self.coarse_unit };
-        Input::heights(&self.coarse, stated, self.coarse_nodata)
+        NamedRaster::heights(&self.coarse, stated, self.coarse_nodata)
     }
 
     /// Returns the angles of the Sun that the user gives.

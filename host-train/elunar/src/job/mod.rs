@@ -16,11 +16,11 @@ use elunar_base::{Error, Result, interrupt};
 use elunar_net::shipped;
 use elunar_net::sun::check_sun;
 use elunar_scene::predict::job::{fill, survey};
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::record::Phases;
 use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
 use elunar_scene::predict::span::{PartOf, Span};
-use elunar_scene::predict::{Part, Tally, int8, part_path, predict_span, survey_path};
+use elunar_scene::predict::{PartFile, Tally, int8, part_path, predict_span, survey_path};
 pub use inputs::{Inputs, Opened};
 pub use request::Request;
 pub(crate) use request::hashes;
@@ -60,7 +60,7 @@ pub fn warn<'a>(warnings: impl IntoIterator<Item = &'a String>) {
 ///
 /// # Errors
 /// [`Error::Unsupported`] if the file's name is that of float weights, or of no known kind; otherwise as [`int8::open`].
-pub fn open(path: &Path) -> Result<Box<dyn Model>> {
+pub fn open(path: &Path) -> Result<Box<dyn TileModel>> {
     let wrong = |what| Err(Error::unsupported(path, what));
     match path.extension().and_then(|extension| extension.to_str()) {
         None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
@@ -76,7 +76,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Model>> {
 ///
 /// # Errors
 /// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
-pub fn run(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+pub fn run(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Done> {
     begin(args);
     match args.part {
         Some(part) => make_part(args, part, open),
@@ -95,14 +95,14 @@ fn begin(args: &Request) {
 ///
 /// # Errors
 /// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
-fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Done> {
     let start = Instant::now();
     let (owner, _owners) = take(args)?;
     let task = Task::new(args, open)?;
     let path = part_path(&args.output, args.part_dir.as_deref())?;
     if task.is_finished(args) {
         // A run that was killed at its end leaves its rows.
-        Part::discard(&path, &task.identity.job, task.width())?;
+        PartFile::discard(&path, &task.identity.job, task.width())?;
         return Ok(finished_before(args, &task));
     }
     let mut watch = Watch::new();
@@ -110,7 +110,7 @@ fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>
     let lighting = task.lighting(&survey);
     let warnings = task.warn(args, &survey, &lighting)?;
     let survey_s = watch.lap_s();
-    let part = Part::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
+    let part = PartFile::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
     let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
     let rows = task.scene.rows;
     let (mut part, tally) = fill(part, rows, &owner, |from, keep, progress| {
@@ -132,7 +132,7 @@ fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>
 }
 
 /// Makes the rows of a part of the scene.
-fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Done> {
     check_sun(args.inputs.known_sun())?;
     let output = rows_path(&args.output, part_of);
     outputs::check_dtm(&args.output, &args.further(), &args.read())?;
@@ -153,7 +153,7 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
     }
     let id = format!("{} {part_of}", task.identity.job);
     let path = part_path(&output, args.part_dir.as_deref())?;
-    let part = Part::open_at(path, &id, task.width(), owner.is_successor())?;
+    let part = PartFile::open_at(path, &id, task.width(), owner.is_successor())?;
     let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
     let (mut part, tally) = fill(part, rows.len(), &owner, |done, keep, progress| {
         let span = Span { rows: rows.clone(), from: rows.start + done };
@@ -175,7 +175,7 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
 ///
 /// # Errors
 /// [`Error::Io`] if a part is missing; [`Error::Input`] if one is of another job; otherwise as [`run`].
-pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Done> {
+pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Done> {
     let start = Instant::now();
     begin(args);
     let (owner, _owners) = take(args)?;

@@ -1,7 +1,7 @@
 //! A prediction as the user asks for it.
 
 use super::inputs::Inputs;
-use crate::outputs::Target;
+use crate::outputs::OutputTarget;
 use elunar_scene::predict::span::PartOf;
 use std::path::{Path, PathBuf};
 
@@ -54,8 +54,8 @@ impl Request {
     }
 
     /// Returns what is written besides the DTM.
-    pub(super) fn further(&self) -> Vec<Target<'_>> {
-        self.uncertainty.iter().map(|path| Target::Errors(path)).collect()
+    pub(super) fn further(&self) -> Vec<OutputTarget<'_>> {
+        self.uncertainty.iter().map(|path| OutputTarget::Errors(path)).collect()
     }
 }
 

@@ -8,18 +8,18 @@ use elunar_net::illumination::Lighting;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
 use elunar_scene::predict::job::survey;
-use elunar_scene::predict::network::Model;
+use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::notices::notices;
 use elunar_scene::predict::sun::KnownFrom;
-use elunar_scene::predict::{Options, Scene, Survey, shared_survey, survey_path};
+use elunar_scene::predict::{PredictOptions, Scene, Survey, shared_survey, survey_path};
 use std::path::Path;
 
 /// What a run works with: the opened inputs and the identity of the job.
 pub(super) struct Task {
-    pub(super) model: Box<dyn Model>,
+    pub(super) model: Box<dyn TileModel>,
     pub(super) scene: Scene,
     pub(super) sun: KnownFrom,
-    pub(super) options: Options,
+    pub(super) options: PredictOptions,
     pub(super) identity: Identity,
 }
 
@@ -28,7 +28,7 @@ impl Task {
     ///
     /// # Errors
     /// If one cannot be read, or the model does not say how much an image explains and that is wanted.
-    pub(super) fn new(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn Model>>) -> Result<Self> {
+    pub(super) fn new(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Self> {
         let model = open(&args.model)?;
         if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
             return Err(Error::unsupported(
@@ -37,8 +37,8 @@ impl Task {
             ));
         }
         let Opened { scene, sun, .. } = args.inputs.open()?;
-        let options = Options {
-            overlap_px: args.overlap.unwrap_or_else(|| Options::overlap_for(model.tile())),
+        let options = PredictOptions {
+            overlap_px: args.overlap.unwrap_or_else(|| PredictOptions::overlap_for(model.tile())),
             anchor: !args.no_anchor,
             threads: args.threads,
             sun: sun.sun,
@@ -78,14 +78,14 @@ impl Task {
 }
 
 /// Returns what identifies this job. With a changed input, model or option, the job starts anew.
-fn identity(args: &Request, options: &Options, model: &str) -> Result<Identity> {
+fn identity(args: &Request, options: &PredictOptions, model: &str) -> Result<Identity> {
     let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_input(path), Ok);
     let image = known(&args.image_sha256, &args.inputs.image)?;
     Ok(Identity::new(image, known(&args.coarse_sha256, &args.inputs.coarse)?, model, in_words(args, options)))
 }
 
 /// Returns the options that change the result. The number of threads does not.
-fn in_words(args: &Request, options: &Options) -> String {
+fn in_words(args: &Request, options: &PredictOptions) -> String {
     let yes = |yes: bool| Some(if yes { "yes" } else { "no" }.to_string());
     let of_run = [
         ("overlap_px", Some(options.overlap_px.to_string())),

@@ -8,7 +8,7 @@ use elunar_base::output::Owner;
 use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
 use elunar_scene::predict::job::{Files, ReadRows, finish, light_text, summary};
 use elunar_scene::predict::notices::{notice_of_heights, share_of_relief};
-use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, Record};
+use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, PredictionRecord};
 use elunar_scene::predict::{Survey, Tally};
 use std::path::Path;
 use std::time::Instant;
@@ -58,7 +58,7 @@ pub(super) fn write(
         );
     }
     let name = |path: &Path| path.display().to_string();
-    let record = Record {
+    let record = PredictionRecord {
         image: name(&args.inputs.image),
         coarse: name(&args.inputs.coarse),
         model,

@@ -1,6 +1,6 @@
 //! What lies beside an output: a command replaces there what an earlier run wrote for the sake of that output, and nothing else.
 
-use super::target::Target;
+use super::target::OutputTarget;
 use elunar_base::{Error, Result, read};
 use elunar_scene::predict::identity::states_a_job;
 use elunar_scene::predict::rows::is_rows;
@@ -23,7 +23,7 @@ pub fn check_rows(path: &Path) -> Result<()> {
 ///
 /// # Errors
 /// [`Error::Usage`] with that file.
-pub fn check(target: Target) -> Result<()> {
+pub fn check(target: OutputTarget) -> Result<()> {
     let path = target.path();
     // Of a run that was killed while it replaced a file of others, its rows are left.
     let has_begun = part_path(path, None)?.is_file();
@@ -39,7 +39,7 @@ fn refused(path: &Path) -> Error {
 
 /// Returns the files of a target that are there and that no earlier run wrote. Without the output itself the SHA-256 beside its place says
 /// whose the others are. `is_own` says that all of them are.
-pub fn foreign(target: Target, is_own: bool) -> impl Iterator<Item = PathBuf> {
+pub fn foreign(target: OutputTarget, is_own: bool) -> impl Iterator<Item = PathBuf> {
     let path = target.path().to_path_buf();
     let is_there = |path: &Path| std::fs::symlink_metadata(path).is_ok();
     let is_own = is_own || !is_there(&path) && is_sum_of(&path);

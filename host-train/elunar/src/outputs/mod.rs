@@ -8,7 +8,7 @@ pub mod uses;
 use elunar_base::output::{Owner, check_target};
 use elunar_base::{Error, Result};
 use std::path::{Path, PathBuf};
-pub use target::Target;
+pub use target::OutputTarget;
 use uses::Uses;
 
 /// Takes `output`, a file to write, before the work starts: neither it nor a file that is written for its sake is one of `inputs`, its folder
@@ -17,7 +17,7 @@ use uses::Uses;
 /// # Errors
 /// [`Error::Usage`], [`Error::Busy`] or [`Error::Io`] with the reason.
 pub fn take(output: &Path, inputs: &[&Path]) -> Result<Owner> {
-    keep_apart(&[Target::File(output)], inputs)?;
+    keep_apart(&[OutputTarget::File(output)], inputs)?;
     Owner::of_file(output)
 }
 
@@ -27,7 +27,7 @@ pub fn take(output: &Path, inputs: &[&Path]) -> Result<Owner> {
 /// As [`take`].
 pub fn take_all<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>, inputs: &[&Path]) -> Result<Vec<Owner>> {
     let outputs: Vec<&PathBuf> = outputs.into_iter().collect();
-    keep_apart(&outputs.iter().map(|path| Target::File(path)).collect::<Vec<_>>(), inputs)?;
+    keep_apart(&outputs.iter().map(|path| OutputTarget::File(path)).collect::<Vec<_>>(), inputs)?;
     outputs.into_iter().map(|output| Owner::of_file(output)).collect()
 }
 
@@ -35,7 +35,7 @@ pub fn take_all<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>, inputs: &[&P
 ///
 /// # Errors
 /// As [`take`]; [`Error::Usage`] if the DTM's name is not that of a TIFF.
-pub fn take_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<(Owner, Vec<Owner>)> {
+pub fn take_dtm(output: &Path, further: &[OutputTarget], inputs: &[&Path]) -> Result<(Owner, Vec<Owner>)> {
     check_dtm(output, further, inputs)?;
     let owner = Owner::of_file(output)?;
     Ok((owner, further.iter().map(|target| Owner::of_file(target.path())).collect::<Result<_>>()?))
@@ -46,16 +46,16 @@ pub fn take_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<(
 /// # Errors
 /// [`Error::Usage`] if its name is not that of a TIFF, a file would replace an input, what lies there must not be replaced, or a file beside it
 /// is another's.
-pub fn check_dtm(output: &Path, further: &[Target], inputs: &[&Path]) -> Result<()> {
+pub fn check_dtm(output: &Path, further: &[OutputTarget], inputs: &[&Path]) -> Result<()> {
     extension(output, &["tif", "tiff"])?;
-    let targets = [&[Target::Dtm(output)], further].concat();
+    let targets = [&[OutputTarget::Dtm(output)], further].concat();
     keep_apart(&targets, inputs)?;
     targets.iter().flat_map(|target| target.files()).try_for_each(|file| check_target(&file))?;
     targets.into_iter().try_for_each(beside::check)
 }
 
 /// Refuses outputs of which a file is an input, the image that an input's label describes, or a file of another output.
-fn keep_apart(targets: &[Target], inputs: &[&Path]) -> Result<()> {
+fn keep_apart(targets: &[OutputTarget], inputs: &[&Path]) -> Result<()> {
     let mut uses = Uses::default();
     targets.iter().for_each(|target| uses.write(&target.files(), ()));
     refuse_clash(uses, inputs)

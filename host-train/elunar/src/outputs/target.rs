@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 /// An output that a command writes, and with it all files that it writes for its sake.
 #[derive(Debug, Clone, Copy)]
-pub enum Target<'a> {
+pub enum OutputTarget<'a> {
     /// A file alone.
     File(&'a Path),
     /// A DTM of `predict` or `sfs`.
@@ -14,7 +14,7 @@ pub enum Target<'a> {
     Errors(&'a Path),
 }
 
-impl<'a> Target<'a> {
+impl<'a> OutputTarget<'a> {
     /// Returns the output.
     #[must_use]
     pub fn path(self) -> &'a Path {

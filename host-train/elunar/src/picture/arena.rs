@@ -1,7 +1,7 @@
 //! Picture of the int8 runner's memory during a tile: one rectangle per tensor.
 
 use elunar_base::{Error, Result};
-use elunar_net::inspect::model::{Plan, TensorLife};
+use elunar_net::inspect::model::{ModelFigures, TensorLife};
 use elunar_picture::{Canvas, FONT};
 use image::RgbImage;
 use plotters::prelude::*;
@@ -31,7 +31,7 @@ const LIVE: RGBColor = RGBColor(20, 20, 20);
 ///
 /// # Errors
 /// [`Error::Usage`] if drawing fails.
-pub fn arena(plan: &Plan) -> Result<RgbImage> {
+pub fn arena(plan: &ModelFigures) -> Result<RgbImage> {
     let mut pixels = RgbImage::new(SIZE_PX.0, SIZE_PX.1);
     draw(&mut pixels, plan).map_err(|e| Error::usage(format!("plan: {e}")))?;
     Ok(pixels)
@@ -50,7 +50,7 @@ fn part(name: &str) -> usize {
     }
 }
 
-fn draw(pixels: &mut RgbImage, plan: &Plan) -> std::result::Result<(), String> {
+fn draw(pixels: &mut RgbImage, plan: &ModelFigures) -> std::result::Result<(), String> {
     let text = |e: &dyn std::fmt::Display| e.to_string();
     let area = Canvas::new(pixels).into_drawing_area();
     area.fill(&WHITE).map_err(|e| text(&e))?;
@@ -94,7 +94,7 @@ fn corners(t: &TensorLife) -> [(f64, f64); 2] {
 }
 
 /// Returns the bytes of tensors in use as steps.
-fn live(plan: &Plan) -> Vec<(f64, f64)> {
+fn live(plan: &ModelFigures) -> Vec<(f64, f64)> {
     let mut points: Vec<(f64, f64)> = Vec::with_capacity(2 * plan.live.len() + 1);
     for &(macs, bytes) in &plan.live {
         let (x, y) = (macs as f64 / 1e6, bytes as f64 / 1e3);
@@ -107,7 +107,7 @@ fn live(plan: &Plan) -> Vec<(f64, f64)> {
 
 /// Returns names and bytes where they fit. Tensors that share bytes while in use have one label: a sum and what is added to it, the output
 /// and the inputs.
-fn labels(plan: &Plan, (end, top): (f64, f64)) -> Vec<Text<'static, (f64, f64), String>> {
+fn labels(plan: &ModelFigures, (end, top): (f64, f64)) -> Vec<Text<'static, (f64, f64), String>> {
     let mut groups: Vec<Vec<&TensorLife>> = Vec::new();
     for t in &plan.tensors {
         match groups.iter_mut().find(|group| group.iter().any(|other| share(t, other))) {

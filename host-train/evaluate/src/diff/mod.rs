@@ -11,7 +11,7 @@ use elunar_raster::align::{Interpolation, Named, onto};
 
 /// Sign of the difference.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Options {
+pub struct DiffOptions {
     /// The second minus the first, instead of the first minus the second. The grid is that of the first in both cases.
     pub reverse: bool,
     /// The absolute value of the difference.
@@ -22,7 +22,7 @@ pub struct Options {
 ///
 /// # Errors
 /// [`Error::Input`] if a DTM has no georeference, they cannot be put on one grid, or they have no valid pixel in common.
-pub fn difference(first: Named, second: Named, options: Options) -> Result<Raster> {
+pub fn difference(first: Named, second: Named, options: DiffOptions) -> Result<Raster> {
     let second_placed = onto(second, first, Interpolation::Bilinear)?;
     let subtract = |(&a, &b): (&f32, &f32)| {
         let difference = if options.reverse { b - a } else { a - b };
@@ -55,7 +55,7 @@ mod tests {
         let first = plane(20, 30, [10.0, 2.0, 0.0, -10.0, 0.0, -2.0], 0.0);
         let second = plane(40, 50, [0.0, 3.0, 0.0, 0.0, 0.0, -3.0], 5.0);
         let (a, b) = (Named::new("a", &first), Named::new("b", &second));
-        let of = |reverse, absolute| difference(a, b, Options { reverse, absolute }).unwrap();
+        let of = |reverse, absolute| difference(a, b, DiffOptions { reverse, absolute }).unwrap();
         for (made, expected) in [(of(false, false), -5.0), (of(true, false), 5.0), (of(false, true), 5.0)] {
             assert_eq!((made.rows, made.cols, &made.georef), (20, 30, &first.georef));
             assert_eq!(made.valid_count(), 600);
@@ -69,11 +69,11 @@ mod tests {
         let (mut first, mut second) = (plane(3, 3, transform, 0.0), plane(3, 3, transform, 1.0));
         first.samples[0] = f32::NAN;
         second.samples[4] = f32::NAN;
-        let made = difference(Named::new("a", &first), Named::new("b", &second), Options::default()).unwrap();
+        let made = difference(Named::new("a", &first), Named::new("b", &second), DiffOptions::default()).unwrap();
         let gaps: Vec<usize> = (0..9).filter(|&i| made.samples[i].is_nan()).collect();
         assert_eq!(gaps, [0, 4]);
         first.samples.iter_mut().enumerate().filter(|(i, _)| *i != 4).for_each(|(_, v)| *v = f32::NAN);
-        let refused = difference(Named::new("a", &first), Named::new("b", &second), Options::default());
+        let refused = difference(Named::new("a", &first), Named::new("b", &second), DiffOptions::default());
         assert!(refused.unwrap_err().to_string().contains("a: pixels valid there and in b"));
     }
 }

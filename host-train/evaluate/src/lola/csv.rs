@@ -1,7 +1,7 @@
 //! Points from text: the PointPerRow tables of the LOLA RDR query, and any other table of longitude, latitude and height.
 
-use super::track::Point;
-use elunar_base::table::{Row, Rows};
+use super::track::LaserSpot;
+use elunar_base::table::{TableRow, TableRows};
 use elunar_base::{Error, Result, read};
 use std::io::Read;
 use std::path::Path;
@@ -102,9 +102,9 @@ fn name(cell: &str) -> String {
 
 /// A table of points.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Table {
+pub struct LolaTable {
     /// Points in the order of the file. Heights are in metres above the given sphere.
-    pub points: Vec<Point>,
+    pub points: Vec<LaserSpot>,
     /// Number of rows left out because their flag marks them as no measurement of the ground.
     pub flagged: usize,
 }
@@ -112,7 +112,7 @@ pub struct Table {
 /// Returns whether a line is the heading of a table that this module can read.
 #[must_use]
 pub fn is_heading(line: &str) -> bool {
-    let first = Rows::new(Path::new(""), line.as_bytes(), usize::MAX).next_row();
+    let first = TableRows::new(Path::new(""), line.as_bytes(), usize::MAX).next_row();
     first.is_ok_and(|row| row.is_some_and(|row| CsvFormat::of_heading(&cells(&row)).is_some()))
 }
 
@@ -122,7 +122,7 @@ pub fn is_heading(line: &str) -> bool {
 /// [`Error::Io`] if the file cannot be read, [`Error::Unsupported`] without a known heading. [`Error::Broken`], with the line, for a value
 /// that is not a number, a bad position, a height of more than a million metres, or a radius that differs from the sphere's by more than a
 /// tenth.
-pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
+pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<LolaTable> {
     parse(path, read::stream(path, read::MOST_BYTES)?, format, sphere_m)
 }
 
@@ -130,10 +130,10 @@ pub fn read(path: &Path, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Ta
 ///
 /// # Errors
 /// As [`read`].
-pub fn parse(path: &Path, text: impl Read, format: Option<&CsvFormat>, sphere_m: f64) -> Result<Table> {
-    let mut table = Table::default();
+pub fn parse(path: &Path, text: impl Read, format: Option<&CsvFormat>, sphere_m: f64) -> Result<LolaTable> {
+    let mut table = LolaTable::default();
     let mut format = format.cloned();
-    let mut rows = Rows::new(path, text, MOST_LINE_BYTES);
+    let mut rows = TableRows::new(path, text, MOST_LINE_BYTES);
     // With a given format the first line may be a heading, which is skipped.
     let mut first = true;
     while let Some(row) = rows.next_row()? {
@@ -167,7 +167,7 @@ fn unknown_heading(line: &str) -> String {
 }
 
 /// Returns the cells without their quotes. Separators are commas, otherwise semicolons, otherwise blanks.
-fn cells(row: &Row) -> Vec<&str> {
+fn cells(row: &TableRow) -> Vec<&str> {
     let cells = match row.cells().as_slice() {
         [line] if line.contains(';') => line.split(';').collect(),
         [line] => line.split_ascii_whitespace().collect(),
@@ -177,7 +177,7 @@ fn cells(row: &Row) -> Vec<&str> {
 }
 
 /// Reads one row. Returns `None` if the row is flagged, whatever its other cells hold.
-fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Result<Option<Point>, String> {
+fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Result<Option<LaserSpot>, String> {
     let missing = |column: usize| format!("column {} expected, found {} columns", column + 1, cells.len());
     let mut row = Vec::with_capacity(format.columns.len());
     for &(column, role) in &format.columns {
@@ -188,7 +188,7 @@ fn point(format: &CsvFormat, cells: &[&str], sphere_m: f64) -> std::result::Resu
             return Ok(None);
         }
     }
-    let mut point = Point { lon_deg: 0.0, lat_deg: 0.0, height_m: 0.0, time_s: None };
+    let mut point = LaserSpot { lon_deg: 0.0, lat_deg: 0.0, height_m: 0.0, time_s: None };
     for cell in &row {
         match cell.role {
             Role::LonDeg => point.lon_deg = cell.number()?,
@@ -284,7 +284,7 @@ mod tests {
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
-    fn read_text(text: &str, format: Option<&str>) -> Result<Table> {
+    fn read_text(text: &str, format: Option<&str>) -> Result<LolaTable> {
         let format = format.map(|format| format.parse::<CsvFormat>().unwrap());
         parse(Path::new("t.csv"), text.as_bytes(), format.as_ref(), MOON_RADIUS_M)
     }
@@ -386,7 +386,7 @@ mod tests {
             mutate(&mut bytes, &pieces, &mut rng);
             match parse(Path::new("t.csv"), bytes.as_slice(), None, MOON_RADIUS_M) {
                 Ok(table) => {
-                    let sound = |p: &Point| p.height_m.is_finite() && p.time_s.is_none_or(f64::is_finite);
+                    let sound = |p: &LaserSpot| p.height_m.is_finite() && p.time_s.is_none_or(f64::is_finite);
                     assert!(table.points.iter().all(sound));
                     read += 1;
                 }

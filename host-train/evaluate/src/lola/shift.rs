@@ -1,6 +1,6 @@
 //! The shift at which a track fits a DTM best, and the fit's error.
 
-use super::track::Point;
+use super::track::LaserSpot;
 use elunar_base::quantile::quantile;
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
@@ -18,7 +18,7 @@ const MOST_STEPS: usize = 200;
 const MOST_ERRORS: usize = 1 << 22;
 
 /// A DTM prepared for the comparison with tracks.
-pub struct Ground<'a> {
+pub struct TrackDtm<'a> {
     dtm: &'a dyn Source,
     georef: GeoRef,
     projection: Projection,
@@ -59,7 +59,7 @@ pub struct Shifted {
     pub at_edge: bool,
 }
 
-impl<'a> Ground<'a> {
+impl<'a> TrackDtm<'a> {
     /// Prepares a DTM. `name` is its name in messages. The search goes up to `search_m` metres along either axis, in steps of half a pixel.
     ///
     /// # Errors
@@ -105,7 +105,7 @@ impl<'a> Ground<'a> {
     ///
     /// # Errors
     /// If the DTM cannot be read.
-    pub fn fit(&self, track: &[Point], least: usize) -> Result<Option<Fit>> {
+    pub fn fit(&self, track: &[LaserSpot], least: usize) -> Result<Option<Fit>> {
         let all = 0..self.shifts();
         let mut used = Vec::new();
         for point in track {
@@ -168,7 +168,7 @@ impl<'a> Ground<'a> {
     }
 
     /// Returns the window of the DTM that all shifts of a point reach, and the point's row and column in it; `None` beyond the edge.
-    fn patch(&self, point: &Point) -> Option<(Window, f64, f64)> {
+    fn patch(&self, point: &LaserSpot) -> Option<(Window, f64, f64)> {
         let info = self.dtm.info();
         let reach = [self.reach.0, self.reach.1].map(|steps| steps as f64 / STEPS_PER_PX as f64);
         // A meridian has several values of x, in degrees as in metres.
@@ -187,7 +187,7 @@ impl<'a> Ground<'a> {
     }
 
     /// Returns DTM minus a point's height under some shifts, metres; `None` if the DTM has a gap under any of them, or ends before.
-    fn errors(&self, point: &Point, shifts: Range<usize>) -> Result<Option<Vec<f64>>> {
+    fn errors(&self, point: &LaserSpot, shifts: Range<usize>) -> Result<Option<Vec<f64>>> {
         let Some((window, row, col)) = self.patch(point) else { return Ok(None) };
         let patch = self.dtm.read(window)?;
         let error = |shift: usize| {

@@ -2,8 +2,8 @@
 
 use super::csv;
 use super::report::{ComparedTrack, Report, json, table};
-use super::shift::{Fit, Ground, Shifted};
-use super::track::Point;
+use super::shift::{Fit, Shifted, TrackDtm};
+use super::track::LaserSpot;
 use elunar_raster::source::{self, InMemory};
 use elunar_raster::{Crs, GeoRef, Projection, Raster, geotiff};
 use elunar_testing::rasterio;
@@ -27,20 +27,20 @@ fn dtm(crs: Crs, rows: usize, cols: usize, unit: f64) -> (Raster, GeoRef) {
 }
 
 /// Returns a track down the middle. Its spots are `moved` metres beside the measured ground and `above` metres over it.
-fn track(georef: &GeoRef, rows: usize, cols: usize, unit: f64, moved: (f64, f64), above: f64) -> Vec<Point> {
+fn track(georef: &GeoRef, rows: usize, cols: usize, unit: f64, moved: (f64, f64), above: f64) -> Vec<LaserSpot> {
     let projection = Projection::of(&georef.crs).unwrap();
     let spot = |i: usize| {
         let row = 20.0 + i as f64 * (rows as f64 - 40.0) / 150.0;
         let (x, y) = georef.centre(row, cols as f64 / 2.0 + 0.2 * row);
         let (lon_deg, lat_deg) = projection.inverse(x - moved.0 * unit, y - moved.1 * unit);
-        Point { lon_deg, lat_deg, height_m: height(x / unit, y / unit) + above, time_s: None }
+        LaserSpot { lon_deg, lat_deg, height_m: height(x / unit, y / unit) + above, time_s: None }
     };
     (0..150).map(spot).collect()
 }
 
-fn fit(raster: Raster, track: &[Point], search_m: f64) -> Option<Fit> {
+fn fit(raster: Raster, track: &[LaserSpot], search_m: f64) -> Option<Fit> {
     let source = InMemory::new(raster, Some("m".into()), "memory");
-    Ground::new(&source, "d.tif", search_m).unwrap().fit(track, 10).unwrap()
+    TrackDtm::new(&source, "d.tif", search_m).unwrap().fit(track, 10).unwrap()
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn the_shared_track_stays() {
         return elunar_testing::skipped("the_shared_track_stays", "no files/user in the reference data");
     }
     let dtm = source::open(&folder.join("lola_dtm.tif")).unwrap();
-    let ground = Ground::new(&*dtm, "d.tif", 20.0).unwrap();
+    let ground = TrackDtm::new(&*dtm, "d.tif", 20.0).unwrap();
     let table = csv::read(&folder.join("lola_bias5m.csv"), None, ground.sphere_m()).unwrap();
     let found = ground.fit(&table.points, 10).unwrap().unwrap().median_removed;
     assert_eq!((found.x_m, found.y_m), (0.0, 0.0));
@@ -160,7 +160,7 @@ fn gaps_and_edges_take_points_away() {
     assert!(fewer < all - 15, "{fewer} of {all}");
     raster.samples.fill(f32::NAN);
     assert_eq!(fit(raster.clone(), &track, 6.0), None);
-    let elsewhere: Vec<Point> = track.iter().map(|p| Point { lon_deg: p.lon_deg + 10.0, ..*p }).collect();
+    let elsewhere: Vec<LaserSpot> = track.iter().map(|p| LaserSpot { lon_deg: p.lon_deg + 10.0, ..*p }).collect();
     assert_eq!(fit(raster, &elsewhere, 6.0), None);
 }
 
@@ -169,7 +169,7 @@ fn what_cannot_be_searched_is_refused() {
     let (raster, _) = dtm(Crs::moon_equirectangular(0.0, 0.0), 30, 30, 1.0);
     let refused = |raster: Raster, search_m: f64| {
         let source = InMemory::new(raster, None, "memory");
-        Ground::new(&source, "d.tif", search_m).err().expect("refused").to_string()
+        TrackDtm::new(&source, "d.tif", search_m).err().expect("refused").to_string()
     };
     assert!(
         refused(Raster { georef: None, ..raster.clone() }, 1.0).contains("d.tif: a DTM with a geotransform expected")
@@ -253,7 +253,7 @@ fn a_twin_in_numpy_agrees() {
     let Some(out) = rasterio(TWIN, folder.path()) else { return };
     let expected: Vec<f64> = out.split_whitespace().map(|word| word.parse().unwrap()).collect();
     let source = source::open(&folder.path().join("d.tif")).unwrap();
-    let ground = Ground::new(&*source, "d.tif", 9.0).unwrap();
+    let ground = TrackDtm::new(&*source, "d.tif", 9.0).unwrap();
     let table = csv::read(&folder.path().join("t.csv"), None, ground.sphere_m()).unwrap();
     let fit = ground.fit(&table.points, 10).unwrap().unwrap();
     let figures = |at: Shifted| vec![at.std_m, at.std_median_removed_m, at.median_m, at.x_m, at.y_m];

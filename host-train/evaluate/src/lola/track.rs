@@ -2,7 +2,7 @@
 
 /// One laser spot.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Point {
+pub struct LaserSpot {
     /// Longitude, degrees east.
     pub lon_deg: f64,
     /// Planetocentric latitude, degrees.
@@ -19,8 +19,8 @@ pub const TRACK_GAP_S: f64 = 600.0;
 
 /// Cuts points, in their order, where the time jumps by more than `gap_s` in either direction. Points without times are one track.
 #[must_use]
-pub fn split(points: &[Point], gap_s: f64) -> Vec<&[Point]> {
-    let same = |a: &Point, b: &Point| match (a.time_s, b.time_s) {
+pub fn split(points: &[LaserSpot], gap_s: f64) -> Vec<&[LaserSpot]> {
+    let same = |a: &LaserSpot, b: &LaserSpot| match (a.time_s, b.time_s) {
         (Some(a), Some(b)) => (b - a).abs() <= gap_s,
         _ => true,
     };
@@ -33,7 +33,7 @@ mod tests {
 
     #[test]
     fn pauses_cut() {
-        let at = |time_s: Option<f64>| Point { lon_deg: 0.0, lat_deg: 0.0, height_m: 0.0, time_s };
+        let at = |time_s: Option<f64>| LaserSpot { lon_deg: 0.0, lat_deg: 0.0, height_m: 0.0, time_s };
         let times = [0.0, 1.0, 601.5, 601.6, -100.0].map(|t| at(Some(t)));
         let lengths: Vec<usize> = split(&times, TRACK_GAP_S).iter().map(|t| t.len()).collect();
         assert_eq!(lengths, [2, 2, 1]);

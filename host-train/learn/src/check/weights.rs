@@ -8,7 +8,7 @@ use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use elunar_base::{Error, Result};
 use elunar_net::config::config_of;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::path::Path;
 
 /// Smallest scale of a tensor's gradient, as a share of the greatest gradient of all. Some gradients are zero but for rounding, such as those
@@ -17,7 +17,7 @@ const FLOOR: f64 = 1e-3;
 
 /// Compares the gradients of the paper's loss of a training step on a golden file's inputs. The error of a tensor is the greatest difference
 /// over its greatest gradient (but at least [`FLOOR`]); that of the line is the greatest error, and the line names its tensor.
-pub(super) fn compare_gradients(golden: &Weights, path: &Path, device: &Device) -> Result<Line> {
+pub(super) fn compare_gradients(golden: &NetWeights, path: &Path, device: &Device) -> Result<Line> {
     let [expected, found] = [&Device::flex(), device].map(|device| gradients(golden, path, device));
     let (expected, found) = (expected?, found?);
     let peak = |values: &[f32]| super::peak(values);
@@ -44,7 +44,7 @@ pub(super) fn compare_gradients(golden: &Weights, path: &Path, device: &Device) 
 }
 
 /// Returns the gradients by the names of their weights, in the network's order.
-fn gradients(golden: &Weights, path: &Path, device: &Device) -> Result<Vec<(String, Vec<f32>)>> {
+fn gradients(golden: &NetWeights, path: &Path, device: &Device) -> Result<Vec<(String, Vec<f32>)>> {
     let device = device.clone().autodiff();
     let net = store::load(&config_of(golden, path)?, golden, path, &device)?;
     let map = |name: &str| tensor(golden, name, path, &device);
@@ -88,7 +88,7 @@ mod tests {
     #[test]
     fn every_weight_has_a_gradient_that_is_compared() {
         let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../tests/golden/mini/case.safetensors");
-        let golden = Weights::read(&path).unwrap();
+        let golden = NetWeights::read(&path).unwrap();
         let line = compare_gradients(&golden, &path, &Device::flex()).unwrap();
         assert_eq!(line.error, 0.0);
         let outline = store::outline(&config_of(&golden, &path).unwrap(), &Device::flex());

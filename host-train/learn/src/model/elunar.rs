@@ -11,7 +11,7 @@ use burn::module::Module;
 use burn::nn::conv::Conv2d;
 use burn::tensor::activation::relu;
 use burn::tensor::{DType, Device, Tensor};
-use elunar_net::config::{Head, NetConfig};
+use elunar_net::config::{NetConfig, OutputHead};
 
 /// ELunarDTMNet: from image and coarse DTM to a DTM at the image's resolution.
 #[derive(Module, Debug)]
@@ -44,7 +44,7 @@ impl ELunarDtmNet {
             detail: Detail::new(config, device),
             unet,
             head: conv(config.head_channels(), 1, 3, 1, true, device),
-            residual: config.head == Head::Residual,
+            residual: config.head == OutputHead::Residual,
             channel_scale: config.coarse_channel.then(|| 1.0 / f64::from(config.nr)),
         }
     }

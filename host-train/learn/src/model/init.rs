@@ -3,9 +3,9 @@
 use super::store::{outline, shapes};
 use burn::tensor::Device;
 use elunar_base::{Error, Result};
-use elunar_net::config::{Head, NetConfig};
+use elunar_net::config::{NetConfig, OutputHead};
 use elunar_net::fit::check_fit;
-use elunar_net::weights::{Array, Weights};
+use elunar_net::weights::{Array, NetWeights};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, Normal};
@@ -18,7 +18,7 @@ const SWIN_STD: f32 = 0.02;
 /// Returns initial weights for `config`. Norms are identities, Swin matrices are N(0, 0.02²) cut at two sigma, convolutions are He-normal.
 /// The ReLU head starts at NR/2, because a ReLU that is zero everywhere makes the mean in Eq. 6 zero. The residual head starts with zero
 /// correction, so that an untrained network returns the coarse DTM.
-pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
+pub fn initial_weights(config: &NetConfig, seed: u64) -> NetWeights {
     let mut weights = shapes(config, &Device::flex());
     for (name, array) in &mut weights.tensors {
         let fan_in: usize = array.shape.iter().skip(1).product();
@@ -26,10 +26,10 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
         let one_dimensional = array.shape.len() == 1;
         let std = match (name.as_str(), field) {
             ("head.bias", _) => {
-                array.data.fill(if config.head == Head::Relu { config.nr / 2.0 } else { 0.0 });
+                array.data.fill(if config.head == OutputHead::Relu { config.nr / 2.0 } else { 0.0 });
                 continue;
             }
-            ("head.weight", _) if config.head == Head::Residual => 0.0,
+            ("head.weight", _) if config.head == OutputHead::Residual => 0.0,
             // A residual block begins as the identity.
             (name, "weight") if name.starts_with("detail.blocks.") && name.ends_with(".1.weight") => 0.0,
             (_, "running_var") => {
@@ -56,7 +56,7 @@ pub fn initial_weights(config: &NetConfig, seed: u64) -> Weights {
 ///
 /// # Errors
 /// [`Error::Broken`] if they do not fit the configuration.
-pub fn weights_for(mut weights: Weights, config: &NetConfig, seed: u64, path: &Path) -> Result<Weights> {
+pub fn weights_for(mut weights: NetWeights, config: &NetConfig, seed: u64, path: &Path) -> Result<NetWeights> {
     config.check().map_err(|what| Error::broken(path, what))?;
     if config.detail >= config.decoder[4] {
         add_detail(&mut weights, config, seed);
@@ -74,7 +74,7 @@ pub fn weights_for(mut weights: Weights, config: &NetConfig, seed: u64, path: &P
 
 /// Adds what is missing of the detail stage: the stage, blocks, channels. A new stage passes the decoder's last map on, which has no negative
 /// values; new blocks pass their input on; new channels add nothing to what older ones compute.
-fn add_detail(weights: &mut Weights, config: &NetConfig, seed: u64) {
+fn add_detail(weights: &mut NetWeights, config: &NetConfig, seed: u64) {
     let whole = weights.tensors.contains_key("detail.join.weight");
     for (name, array) in initial_weights(config, seed).tensors {
         if name.starts_with("detail.") {
@@ -125,7 +125,7 @@ fn widen(array: &mut Array, inputs: usize) {
 }
 
 /// Returns He-normal weights and zero biases for `arrays` of a module of convolutions.
-pub fn normal_weights(mut arrays: Weights, seed: u64) -> Weights {
+pub fn normal_weights(mut arrays: NetWeights, seed: u64) -> NetWeights {
     for (name, array) in &mut arrays.tensors {
         let fan_in: usize = array.shape.iter().skip(1).product();
         let std = if array.shape.len() == 1 { 0.0 } else { (2.0 / fan_in as f32).sqrt() };
@@ -180,7 +180,7 @@ mod tests {
         let device = Device::flex();
         let random = |maps: usize| Tensor::<4>::random([1, maps, 32, 64], Distribution::Normal(0.0, 1.0), &device);
         let (image, coarse) = (random(8), random(1));
-        let of = |config: &NetConfig, weights: &Weights, image: Tensor<4>| {
+        let of = |config: &NetConfig, weights: &NetWeights, image: Tensor<4>| {
             let net = load(config, weights, path, &device).unwrap();
             net.forward(image, coarse.clone()).into_data().try_to_vec::<f32>().unwrap()
         };

@@ -1,6 +1,6 @@
 //! Mixed precision: matrix products and convolutions in 16 bits, everything else in 32.
 //!
-//! The trained weights stay `f32`. A step uses the network of [`Precision::of`]. Its weights are casts of the trained weights, so that
+//! The trained weights stay `f32`. A step uses the network of [`TrainingPrecision::of`]. Its weights are casts of the trained weights, so that
 //! gradients flow back through the cast. Computations that add up many numbers stay `f32`: batch and layer normalisation, softmax, the sum
 //! with the coarse DTM, the loss, the optimiser. `bf16` has the exponent of `f32`, so the loss is not scaled.
 
@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 /// Precision of training.
 #[derive(Debug, Clone, Copy, Default, PartialEq, Eq, Serialize, Deserialize, clap::ValueEnum)]
 #[serde(rename_all = "lowercase")]
-pub enum Precision {
+pub enum TrainingPrecision {
     /// 32 bits throughout.
     #[default]
     F32,
@@ -21,7 +21,7 @@ pub enum Precision {
     Bf16,
 }
 
-impl Precision {
+impl TrainingPrecision {
     /// Returns whether the device computes in this precision.
     #[must_use]
     pub fn runs_on(self, device: &Device) -> bool {
@@ -107,7 +107,7 @@ mod tests {
         for config in [miniature_network(), upb] {
             let weights = without_zeros(initial_weights(&config, 1));
             let net = store::load(&config, &weights, Path::new("w"), &device).unwrap();
-            let found = [Precision::F32, Precision::Bf16].map(|precision| {
+            let found = [TrainingPrecision::F32, TrainingPrecision::Bf16].map(|precision| {
                 let output = precision.of(&net).forward(map(config.image_maps(), &device), map(1, &device));
                 assert_eq!(output.dtype(), DType::F32);
                 let gradients = output.clone().powi_scalar(2).mean().backward();

@@ -6,7 +6,7 @@ use burn::tensor::{Device, Tensor, TensorData};
 use elunar_base::{Error, Result};
 use elunar_net::config::NetConfig;
 use elunar_net::fit::check_fit;
-use elunar_net::weights::{Array, Weights};
+use elunar_net::weights::{Array, NetWeights};
 use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -15,7 +15,7 @@ use std::path::Path;
 ///
 /// # Errors
 /// [`Error::Broken`], with a list of all misfits, if names or shapes do not fit the configuration.
-pub fn load(config: &NetConfig, weights: &Weights, path: &Path, device: &Device) -> Result<ELunarDtmNet> {
+pub fn load(config: &NetConfig, weights: &NetWeights, path: &Path, device: &Device) -> Result<ELunarDtmNet> {
     config.check().map_err(|what| Error::broken(path, what))?;
     put(ELunarDtmNet::new(config, device), weights, path, device)
 }
@@ -24,14 +24,14 @@ pub fn load(config: &NetConfig, weights: &Weights, path: &Path, device: &Device)
 ///
 /// # Errors
 /// As [`load`].
-pub fn put<M: Module>(module: M, weights: &Weights, path: &Path, device: &Device) -> Result<M> {
+pub fn put<M: Module>(module: M, weights: &NetWeights, path: &Path, device: &Device) -> Result<M> {
     let expected = arrays(&module).tensors.into_iter().map(|(name, array)| (name, array.shape)).collect();
     check_fit(&expected, weights, path)?;
     Ok(module.map(&mut Loader { weights, walk: Walk::default(), device: device.clone() }))
 }
 
 /// Returns the network's weights and buffers, with `config` in the metadata.
-pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> Weights {
+pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> NetWeights {
     // `valid` applies pending running statistics.
     let mut weights = arrays(&net.valid());
     let text = serde_json::to_string(config).expect("a plain struct");
@@ -40,14 +40,14 @@ pub fn save(config: &NetConfig, net: &ELunarDtmNet) -> Weights {
 }
 
 /// Returns a module's weights and buffers.
-pub fn arrays<M: Module>(module: &M) -> Weights {
+pub fn arrays<M: Module>(module: &M) -> NetWeights {
     let mut saver = Saver::default();
     module.visit(&mut saver);
     saver.weights
 }
 
 /// Returns every expected tensor with its shape, zero-filled.
-pub fn shapes(config: &NetConfig, device: &Device) -> Weights {
+pub fn shapes(config: &NetConfig, device: &Device) -> NetWeights {
     save(config, &ELunarDtmNet::new(config, device))
 }
 
@@ -99,7 +99,7 @@ fn transpose(data: &[f32], rows: usize, cols: usize) -> Vec<f32> {
 #[derive(Default)]
 struct Saver {
     walk: Walk,
-    weights: Weights,
+    weights: NetWeights,
 }
 
 impl ModuleVisitor for Saver {
@@ -148,7 +148,7 @@ impl ModuleVisitor for Outline {
 }
 
 struct Loader<'a> {
-    weights: &'a Weights,
+    weights: &'a NetWeights,
     walk: Walk,
     device: Device,
 }

@@ -13,7 +13,7 @@ use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor};
 use elunar_base::Result;
 use elunar_net::config::NetConfig;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -60,7 +60,7 @@ pub struct Opponent {
 }
 
 /// Input of the critic besides the DTM.
-pub struct Scene {
+pub struct CriticInput {
     /// `[B, maps, H, W]`.
     pub image: Tensor<4>,
     /// `[B, 1, H, W]` in [0, NR].
@@ -82,7 +82,7 @@ impl Opponent {
     }
 
     /// Returns the critic's weights.
-    pub fn weights(&self) -> Weights {
+    pub fn weights(&self) -> NetWeights {
         store::arrays(&self.critic)
     }
 
@@ -90,18 +90,18 @@ impl Opponent {
     ///
     /// # Errors
     /// If the weights do not fit.
-    pub fn restore(&mut self, weights: &Weights, path: &Path, device: &Device) -> Result<()> {
+    pub fn restore(&mut self, weights: &NetWeights, path: &Path, device: &Device) -> Result<()> {
         self.critic = store::put(self.critic.clone(), weights, path, device)?;
         Ok(())
     }
 
-    fn score(&self, scene: &Scene, dtm: Tensor<4>) -> Tensor<4> {
+    fn score(&self, scene: &CriticInput, dtm: Tensor<4>) -> Tensor<4> {
         let [coarse, dtm] = [scene.coarse.clone(), dtm].map(|z| z.mul_scalar(self.scale));
         self.critic.forward(Tensor::cat(vec![scene.image.clone(), coarse, dtm], 1))
     }
 
     /// Trains the critic on a truth and a prediction. Then returns the weighted adversarial term of the prediction, `[1]`.
-    pub fn term(&mut self, scene: &Scene, truth: Tensor<4>, prediction: Tensor<4>) -> Tensor<1> {
+    pub fn term(&mut self, scene: &CriticInput, truth: Tensor<4>, prediction: Tensor<4>) -> Tensor<1> {
         let halved = |scores: Tensor<4>| scores.powi_scalar(2).mean().mul_scalar(0.5);
         let real = halved(self.score(scene, truth).sub_scalar(1.0));
         let made = halved(self.score(scene, prediction.clone().detach()));

@@ -4,7 +4,7 @@
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use elunar_net::config::NetConfig;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 
 /// Number of steps between two weights that are averaged: reading weights from a device takes time.
 const EVERY: usize = 16;
@@ -13,7 +13,7 @@ const EVERY: usize = 16;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Average {
     /// The mean, with the configuration in its metadata.
-    pub weights: Weights,
+    pub weights: NetWeights,
     /// Number of steps over which the mean goes. Older weights fade exponentially.
     span: usize,
 }
@@ -21,7 +21,7 @@ pub struct Average {
 impl Average {
     /// Begins with these weights. A mean over too great a part of a short run would lag behind what it learns, so the span is at most a
     /// quarter of the run; `None` if fewer than two weights are left to average (our choice).
-    pub fn new(weights: Weights, span: usize, steps: usize) -> Option<Self> {
+    pub fn new(weights: NetWeights, span: usize, steps: usize) -> Option<Self> {
         let span = span.min(steps / 4);
         (span >= 2 * EVERY).then_some(Self { weights, span })
     }
@@ -66,7 +66,7 @@ mod tests {
         let of = |seed: u64| initial_weights(&config, seed);
         let net = |seed: u64| store::load(&config, &of(seed), Path::new("w"), &Device::flex()).unwrap();
         let name = "fusion.conv.weight";
-        let value = |weights: &Weights| f64::from(weights.tensors[name].data[5]);
+        let value = |weights: &NetWeights| f64::from(weights.tensors[name].data[5]);
         let mut average = Average::new(of(0), 3 * EVERY, 1_000).unwrap();
         average.add(EVERY - 1, &config, &net(9));
         assert_eq!(average.weights.tensors, of(0).tensors);

@@ -6,7 +6,7 @@ use burn::optim::ModuleOptimizer;
 use elunar_base::digest::sha256_hex;
 use elunar_base::output::remove_folder;
 use elunar_base::{Error, Result, atomic_write, read};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 
@@ -33,7 +33,7 @@ pub(super) fn files() -> impl Iterator<Item = String> {
 
 /// State of the run.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct State {
+pub struct RunState {
     /// Number of steps done.
     pub step: usize,
     /// Lowest validation RMSE so far, normalised units.
@@ -53,15 +53,15 @@ pub struct State {
 /// A checkpoint as read from disk.
 pub struct Checkpoint {
     /// State of the run.
-    pub state: State,
+    pub state: RunState,
     /// Weights of the network.
-    pub weights: Weights,
+    pub weights: NetWeights,
     /// Averaged weights, if there are any.
-    pub average: Option<Weights>,
+    pub average: Option<NetWeights>,
     /// Burn's record of the optimiser.
     optimiser: Vec<u8>,
     /// The critic's weights and its optimiser's record.
-    critic: Option<(Weights, Vec<u8>)>,
+    critic: Option<(NetWeights, Vec<u8>)>,
 }
 
 /// Writes a checkpoint beside the old one, then swaps them. A kill at any moment leaves one complete checkpoint.
@@ -71,7 +71,7 @@ pub struct Checkpoint {
 pub fn save(
     run: &Path,
     (step, best_rmse): (usize, Option<f64>),
-    weights: &Weights,
+    weights: &NetWeights,
     average: Option<&Average>,
     trainer: &Trainer,
 ) -> Result<()> {
@@ -88,7 +88,7 @@ pub fn save(
     let average_sha256 = average.as_ref().map(sha256_hex);
     let critic_sha256 = critic.as_ref().map(|parts| parts.each_ref().map(sha256_hex));
     let (weights_sha256, optimiser_sha256) = (sha256_hex(&weights), sha256_hex(&optimiser));
-    let state = State { step, best_rmse, weights_sha256, optimiser_sha256, average_sha256, critic_sha256 };
+    let state = RunState { step, best_rmse, weights_sha256, optimiser_sha256, average_sha256, critic_sha256 };
     atomic_write(&fresh.join(WEIGHTS), &weights)?;
     atomic_write(&fresh.join(OPTIMISER), &optimiser)?;
     if let Some(bytes) = &average {
@@ -130,7 +130,7 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
         Ok((path, bytes))
     };
     let (state_path, state) = read(STATE)?;
-    let state: State = serde_json::from_slice(&state).map_err(|e| Error::broken(&state_path, e.to_string()))?;
+    let state: RunState = serde_json::from_slice(&state).map_err(|e| Error::broken(&state_path, e.to_string()))?;
     let whole = |name: &str, expected: &str| -> Result<(PathBuf, Vec<u8>)> {
         let (path, bytes) = read(name)?;
         let found = sha256_hex(&bytes);
@@ -139,9 +139,9 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
         }
         Err(Error::broken(&path, format!("expected SHA-256 {expected}, found {found}")))
     };
-    let weights = |name: &str, expected: &str| -> Result<Weights> {
+    let weights = |name: &str, expected: &str| -> Result<NetWeights> {
         let (path, bytes) = whole(name, expected)?;
-        Weights::from_bytes(&path, &bytes)
+        NetWeights::from_bytes(&path, &bytes)
     };
     let critic = match &state.critic_sha256 {
         Some([first, second]) => Some((weights(CRITIC[0], first)?, whole(CRITIC[1], second)?.1)),

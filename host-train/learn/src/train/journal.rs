@@ -1,6 +1,6 @@
 //! The run's two CSV files, with one line per step and one per validation. On resume they are cut to the checkpoint's step.
 
-use super::validate::Validation;
+use super::validate::ValidationResult;
 use elunar_base::output::open_growing;
 use elunar_base::{Error, Result, read};
 use std::fs::File;
@@ -57,12 +57,12 @@ impl Csv {
 }
 
 /// `steps.csv` and `validation.csv` of a run.
-pub struct Journal {
+pub struct TrainingJournal {
     steps: Csv,
     validations: Csv,
 }
 
-impl Journal {
+impl TrainingJournal {
     /// Opens the files of `run` and drops rows after `step` (0 for a new run).
     ///
     /// # Errors
@@ -91,7 +91,7 @@ impl Journal {
     ///
     /// # Errors
     /// If the file cannot be written.
-    pub fn validation(&mut self, step: usize, v: &Validation) -> Result<()> {
+    pub fn validation(&mut self, step: usize, v: &ValidationResult) -> Result<()> {
         let (n, c) = (v.network, v.coarse);
         self.validations.row(&format!(
             "{step},{:.5},{:.5},{:.5},{:.4},{:.4},{:.4},{:.4},{:.4},{:.4}",

@@ -16,7 +16,7 @@ pub enum Elevation {
 }
 
 /// The three terms without weights, each a scalar `[1]`.
-pub struct Terms {
+pub struct LossTensors {
     /// Elevation term.
     pub elevation: Tensor<1>,
     /// L1 of the gradients.
@@ -55,7 +55,7 @@ pub fn balance(truth: &Tensor<4>, start: Tensor<4>) -> Tensor<4> {
 
 /// Computes the terms between `truth` and `prediction`, both `[B, 1, H, W]` in [0, NR]. The loss of every sample is multiplied by its factor, if
 /// there are `factors` ([`balance`]).
-pub fn terms(truth: Tensor<4>, prediction: Tensor<4>, kind: Elevation, factors: Option<&Tensor<4>>) -> Terms {
+pub fn terms(truth: Tensor<4>, prediction: Tensor<4>, kind: Elevation, factors: Option<&Tensor<4>>) -> LossTensors {
     let mean = |loss: Tensor<4>| match factors {
         Some(factors) => loss.mul(factors.clone()).mean(),
         None => loss.mean(),
@@ -75,7 +75,7 @@ pub fn terms(truth: Tensor<4>, prediction: Tensor<4>, kind: Elevation, factors: 
     let lengths = length(&tx, &ty).mul(length(&px, &py));
     let cosine = tx.mul(px).add(ty.mul(py)).add_scalar(1.0).div(lengths);
     let normal = mean(cosine.neg().add_scalar(1.0));
-    Terms { elevation, gradient, normal }
+    LossTensors { elevation, gradient, normal }
 }
 
 /// Weights of the three terms; the paper's are 10, 1, 1.
@@ -94,7 +94,7 @@ impl LossWeights {
     pub const PAPER: Self = Self { elevation: 10.0, gradient: 1.0, normal: 1.0 };
 
     /// Returns the weighted sum (Eq. 5).
-    pub fn total(&self, terms: &Terms) -> Tensor<1> {
+    pub fn total(&self, terms: &LossTensors) -> Tensor<1> {
         let weigh = |t: &Tensor<1>, w: f32| t.clone().mul_scalar(w);
         weigh(&terms.elevation, self.elevation)
             .add(weigh(&terms.gradient, self.gradient))

@@ -15,12 +15,12 @@ use burn::tensor::{Device, Tensor};
 use elunar_base::{Error, Result};
 
 /// Devices, each with a part of the processor's threads.
-pub(super) struct Crew {
+pub(super) struct DeviceGroup {
     members: Vec<(Device, rayon::ThreadPool)>,
 }
 
-impl Crew {
-    /// Makes a crew of these devices. Each device must support gradients.
+impl DeviceGroup {
+    /// Makes a group of these devices. Each device must support gradients.
     ///
     /// # Errors
     /// If threads cannot be created.

@@ -4,7 +4,7 @@ use super::adversarial::Adversarial;
 use super::elevation_only::ElevationOnly;
 use super::loss::{Elevation, LossWeights};
 use super::sample::RawTile;
-use crate::model::precision::Precision;
+use crate::model::precision::TrainingPrecision;
 use elunar_base::Result;
 use elunar_core::tile::TILE;
 use elunar_net::config::Preset;
@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 /// Target of the training.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Target {
+pub enum TrainingTarget {
     /// The unchanged truth (the paper).
     Truth,
     /// The truth with the low frequencies of the coarse DTM (our choice).
     Anchored,
 }
 
-impl Target {
+impl TrainingTarget {
     /// Replaces the tile's truth by the target.
     ///
     /// # Errors
@@ -46,7 +46,7 @@ pub struct Recipe {
     /// Whether cheap operations are computed again for the gradients, to save memory.
     pub checkpointing: bool,
     /// Precision of the network.
-    pub precision: Precision,
+    pub precision: TrainingPrecision,
     /// Number of optimiser steps. The cosine ends at the last one.
     pub steps: usize,
     /// Learning rate at the start of the cosine, after warm-up.
@@ -66,7 +66,7 @@ pub struct Recipe {
     /// Whether every sample's loss is divided by the slope error that it begins with ([`super::loss::balance`]). Heights must be in pixels.
     pub balanced: bool,
     /// Target of training and validation.
-    pub target: Target,
+    pub target: TrainingTarget,
     /// Critic of adversarial training, used after the elevation-only steps; `None` without it.
     pub adversarial: Option<Adversarial>,
     /// Stochastic depth: share of a residual branch's samples that the last Swin block leaves out; it grows linearly from 0 in the first block.
@@ -216,7 +216,7 @@ mod tests {
         for recipe in [Preset::Paper, Preset::Small].map(Recipe::preset) {
             // The paper: batch 4, 60,000 iterations at 1e-4 on a cosine, validated every 5,000; whole tiles.
             assert_eq!((recipe.batch, recipe.steps, recipe.validate_every, recipe.warm_up), (4, 60_000, 5_000, 0));
-            assert_eq!((recipe.crop, recipe.crops_per_tile, recipe.target), ([256, 320], 1, Target::Truth));
+            assert_eq!((recipe.crop, recipe.crops_per_tile, recipe.target), ([256, 320], 1, TrainingTarget::Truth));
             assert_eq!([0, 30_000].map(|step| recipe.learning_rate_at(step)), [1e-4, 0.5e-4]);
             // Eq. 5: 10 l_mn + l_grad + l_norm; the first 5,000 iterations l_mn alone.
             let all = LossWeights { elevation: 10.0, gradient: 1.0, normal: 1.0 };

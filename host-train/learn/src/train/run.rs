@@ -4,20 +4,20 @@ use super::average::Average;
 use super::checkpoint::{self, Checkpoint};
 use super::curves;
 use super::feed::{Feed, tensors};
-use super::journal::{Journal, STEPS, VALIDATIONS};
+use super::journal::{STEPS, TrainingJournal, VALIDATIONS};
 use super::recipe::Recipe;
 use super::sample::Sample;
 use super::source::{DataSpec, TileSource};
 use super::step::Trainer;
-use super::validate::{Validation, ValidationSet};
+use super::validate::{ValidationResult, ValidationSet};
 use crate::model::backend::{Backend, on_processor};
 use crate::model::store;
-use crate::stopwatch::{Part, pause, time};
+use crate::stopwatch::{TrainingPart, pause, time};
 use burn::module::Module;
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, interrupt, read};
 use elunar_net::config::NetConfig;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
@@ -54,7 +54,7 @@ pub fn discard(folder: &Path) -> Result<()> {
 
 /// Everything that determines a run. It is written to the run's folder before the first step, once there is a checkpoint.
 #[derive(Debug, Clone, PartialEq, Serialize, Deserialize)]
-pub struct Record {
+pub struct RunRecord {
     /// The network.
     pub network: NetConfig,
     /// The hyper-parameters.
@@ -71,7 +71,7 @@ pub struct Record {
     pub started_from: String,
 }
 
-impl Record {
+impl RunRecord {
     /// Reads the record of a run folder.
     ///
     /// # Errors
@@ -88,9 +88,9 @@ pub struct Run {
     /// Folder of the run.
     pub folder: PathBuf,
     /// Record of the run.
-    pub record: Record,
+    pub record: RunRecord,
     /// Weights of step 0; `None` to continue from the folder's checkpoint.
-    pub initial: Option<Weights>,
+    pub initial: Option<NetWeights>,
     /// Training tiles.
     pub training: Arc<dyn TileSource>,
     /// Validation tiles.
@@ -101,7 +101,7 @@ pub struct Run {
 
 /// Result of a run.
 #[derive(Debug, Clone)]
-pub struct Outcome {
+pub struct TrainingResult {
     /// Number of all steps done.
     pub steps: usize,
     /// Number of steps done since the run was started or resumed.
@@ -109,9 +109,9 @@ pub struct Outcome {
     /// Whether the recipe was finished.
     pub finished: bool,
     /// The last validation.
-    pub last: Option<Validation>,
+    pub last: Option<ValidationResult>,
     /// Validation of the best weights since the run was started or resumed.
-    pub best: Option<Validation>,
+    pub best: Option<ValidationResult>,
     /// Training steps per second since the run was started or resumed, validation and checkpoints included.
     pub steps_per_s: f64,
 }
@@ -119,11 +119,11 @@ pub struct Outcome {
 struct Loop {
     trainer: Trainer,
     average: Option<Average>,
-    journal: Journal,
+    journal: TrainingJournal,
     set: ValidationSet,
     best_rmse: Option<f64>,
-    best: Option<Validation>,
-    last: Option<Validation>,
+    best: Option<ValidationResult>,
+    last: Option<ValidationResult>,
 }
 
 impl Loop {
@@ -137,7 +137,7 @@ impl Run {
     ///
     /// # Errors
     /// If the folder holds another run or another process writes it, tiles cannot be made, the loss is not finite, or files cannot be written.
-    pub fn train(self) -> Result<Outcome> {
+    pub fn train(self) -> Result<TrainingResult> {
         self.record.recipe.check().map_err(Error::input)?;
         interrupt::listen();
         let _owner = Owner::of_folder(&self.folder, COMMAND, files())?;
@@ -151,12 +151,12 @@ impl Run {
         let (start, mut done) = (Instant::now(), first);
         let mut saved = Instant::now();
         while done < recipe.steps && !interrupt::requested() && self.stop_after != Some(done) {
-            let batch = time(Part::Tiles, || batches.next());
+            let batch = time(TrainingPart::Tiles, || batches.next());
             let batch = batch.ok_or_else(|| Error::input("the data feed stopped early"))??;
             let parts = recipe.parts();
             let micro = batch.chunks(recipe.batch / parts).enumerate();
             let place = |(i, samples): (usize, &[Sample])| tensors(samples, state.trainer.device_of(i, parts));
-            let micro = time(Part::Tensors, || micro.map(place).collect());
+            let micro = time(TrainingPart::Tensors, || micro.map(place).collect());
             let figures = state.trainer.step(recipe, done, micro)?;
             done += 1;
             let Loop { average, trainer, .. } = &mut state;
@@ -181,7 +181,14 @@ impl Run {
         bar.abandon();
         self.result(&state).write(&self.folder.join(LAST))?;
         let steps_per_s = (done - first) as f64 / start.elapsed().as_secs_f64();
-        Ok(Outcome { steps: done, steps_here: done - first, finished, last: state.last, best: state.best, steps_per_s })
+        Ok(TrainingResult {
+            steps: done,
+            steps_here: done - first,
+            finished,
+            last: state.last,
+            best: state.best,
+            steps_per_s,
+        })
     }
 
     /// Prepares the loop at step 0 or at the checkpoint. A new run's first checkpoint is written before anything slow, and its record after
@@ -209,7 +216,7 @@ impl Run {
             }
         }
         let set = ValidationSet::new(&*self.validation, &self.record.network, recipe.target, recipe.validation_tiles)?;
-        let journal = Journal::open(&self.folder, first)?;
+        let journal = TrainingJournal::open(&self.folder, first)?;
         Ok((Loop { trainer, average, journal, set, best_rmse, best: None, last: None }, first))
     }
 
@@ -228,7 +235,7 @@ impl Run {
 
     /// Returns the folder's checkpoint, if the folder belongs to this run.
     fn checkpointed(&self) -> Result<Checkpoint> {
-        if Record::read(&self.folder)? != self.record {
+        if RunRecord::read(&self.folder)? != self.record {
             let what = format!("{}: expected the record of the run to resume, found another", self.folder.display());
             return Err(Error::input(what));
         }
@@ -267,7 +274,7 @@ impl Run {
     }
 
     /// Returns the weights that the run is for: their mean, or the latest.
-    fn result(&self, state: &Loop) -> Weights {
+    fn result(&self, state: &Loop) -> NetWeights {
         match &state.average {
             Some(average) => average.weights.clone(),
             None => store::save(&self.record.network, &state.trainer.net),

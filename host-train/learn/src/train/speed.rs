@@ -6,7 +6,7 @@ use super::step::Trainer;
 use crate::model::backend::Backend;
 use elunar_base::{Error, Result};
 use elunar_net::config::NetConfig;
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use serde::Serialize;
 use std::path::Path;
 use std::time::Instant;
@@ -30,7 +30,7 @@ pub struct Steps {
 /// If there is no device, no batch can be made, or a loss is not finite.
 pub fn steps(
     feed: &Feed,
-    (config, weights): (&NetConfig, &Weights),
+    (config, weights): (&NetConfig, &NetWeights),
     recipe: &Recipe,
     backend: Backend,
     [untimed, count]: [usize; 2],

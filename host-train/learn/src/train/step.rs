@@ -1,27 +1,27 @@
 //! One optimiser step: forward, loss, backward, AdamW.
 
 use super::adamw::ClippedAdamW;
-use super::adversarial::{Opponent, Scene};
+use super::adversarial::{CriticInput, Opponent};
 use super::journal::StepRecord;
 use super::loss::{balance, terms};
-use super::parallel::Crew;
+use super::parallel::DeviceGroup;
 use super::recipe::Recipe;
 use crate::model::backend::describe;
 use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::model::swin::depth::factors;
-use crate::stopwatch::{Part, time};
+use crate::stopwatch::{TrainingPart, time};
 use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_base::{Error, Result};
 use elunar_net::config::{ImageEncoderKind, NetConfig, TruthRange};
-use elunar_net::weights::Weights;
+use elunar_net::weights::NetWeights;
 use std::path::Path;
 
 /// Image, coarse DTM and truth, each `[B, maps, H, W]`.
-pub type Maps = [Tensor<4>; 3];
+pub type BatchMaps = [Tensor<4>; 3];
 /// A micro-batch, with its number in the step.
-type Placed = (usize, Maps);
+type Placed = (usize, BatchMaps);
 
 /// A network and its optimiser on devices with automatic differentiation.
 pub struct Trainer {
@@ -35,8 +35,8 @@ pub struct Trainer {
     pub opponent: Option<Opponent>,
     /// Devices of the micro-batches.
     devices: Vec<Device>,
-    /// Crew of the devices, if there are several.
-    crew: Option<Crew>,
+    /// The devices, if there are several.
+    group: Option<DeviceGroup>,
     /// Seed of stochastic depth.
     seed: u64,
     /// Number of Swin blocks.
@@ -62,7 +62,7 @@ impl Trainer {
     pub fn new(
         config: &NetConfig,
         recipe: &Recipe,
-        weights: &Weights,
+        weights: &NetWeights,
         path: &Path,
         devices: Vec<Device>,
     ) -> Result<Self> {
@@ -82,13 +82,13 @@ impl Trainer {
         }
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
         let device = devices.first().ok_or_else(|| Error::input("devices: expected at least one, found none"))?.clone();
-        let crew = if devices.len() > 1 { Some(Crew::new(&devices)?) } else { None };
+        let group = if devices.len() > 1 { Some(DeviceGroup::new(&devices)?) } else { None };
         let optimiser = ClippedAdamW::new(recipe.weight_decay, recipe.clip_norm).into();
         let net = store::load(config, weights, path, &device)?;
         let opponent = recipe.adversarial.map(|a| Opponent::new(config, a, OPPONENT_SEED, &device)).transpose()?;
         let swin = config.image_encoder == ImageEncoderKind::Swin;
         let blocks = if swin { config.depths.iter().sum() } else { 0 };
-        Ok(Self { device, net, optimiser, opponent, devices, crew, seed: 0, blocks })
+        Ok(Self { device, net, optimiser, opponent, devices, group, seed: 0, blocks })
     }
 
     /// Sets the seed of stochastic depth [default: 0].
@@ -122,17 +122,17 @@ impl Trainer {
     ///
     /// # Panics
     /// If the devices cannot have the same number each.
-    pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<Maps>) -> Result<StepRecord> {
+    pub fn step(&mut self, recipe: &Recipe, step: usize, batches: Vec<BatchMaps>) -> Result<StepRecord> {
         assert!(batches.len().is_multiple_of(self.devices.len()), "every device works on as many micro-batches");
         let share = 1.0 / batches.len() as f64;
         let task = Task { recipe, step, share, seed: self.seed, blocks: self.blocks };
         let batches: Vec<Placed> = batches.into_iter().enumerate().collect();
-        let found = match &self.crew {
+        let found = match &self.group {
             None => {
                 let Self { net, opponent, .. } = self;
                 vec![in_pool(|| task.work(net, batches, opponent.as_mut()))?]
             }
-            Some(crew) => crew.work(&mut self.net, batches, |net, batches| task.work(net, batches, None))?,
+            Some(group) => group.work(&mut self.net, batches, |net, batches| task.work(net, batches, None))?,
         };
         let mut figures = Figures::default();
         let mut gradients = GradientsAccumulator::new();
@@ -142,7 +142,7 @@ impl Trainer {
         }
         let learning_rate = recipe.learning_rate_at(step);
         let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
-        self.net = time(Part::Optimiser, || in_pool(learn));
+        self.net = time(TrainingPart::Optimiser, || in_pool(learn));
         let [loss, elevation, gradient, normal] = figures;
         Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
     }
@@ -188,23 +188,24 @@ impl Task<'_> {
             let seen = recipe.precision.of(net);
             let [size, ..] = image.dims();
             let paths = factors(recipe.drop_path, blocks, seed, step, number * size..(number + 1) * size);
-            let prediction =
-                time(Part::Forward, || seen.forward_in_training(image.clone(), coarse.clone(), paths.as_deref()));
-            let terms = time(Part::Loss, || {
+            let prediction = time(TrainingPart::Forward, || {
+                seen.forward_in_training(image.clone(), coarse.clone(), paths.as_deref())
+            });
+            let terms = time(TrainingPart::Loss, || {
                 // The first map of the coarse branch is what a residual head corrects.
                 let factors = recipe.balanced.then(|| balance(&truth, coarse.clone().narrow(1, 0, 1)));
                 terms(truth.clone(), prediction.clone(), recipe.elevation, factors.as_ref())
             });
             let mut total = recipe.weights_at(step).total(&terms);
             if let Some(opponent) = opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
-                total = total.add(opponent.term(&Scene { image, coarse }, truth, prediction));
+                total = total.add(opponent.term(&CriticInput { image, coarse }, truth, prediction));
             }
             let four = [&total, &terms.elevation, &terms.gradient, &terms.normal].map(|t| t.clone().detach());
             let total = if share < 1.0 { total.mul_scalar(share) } else { total };
-            let found = time(Part::Backward, || GradientsParams::from_grads(total.backward(), net));
+            let found = time(TrainingPart::Backward, || GradientsParams::from_grads(total.backward(), net));
             gradients.accumulate(net, found);
             // Read together, and after the backward pass was given to the device: a GPU works on while the processor waits.
-            let four = time(Part::Loss, || numbers(four))?;
+            let four = time(TrainingPart::Loss, || numbers(four))?;
             add(&mut figures, four.map(|figure| share * figure));
             let loss = figures[0];
             if !loss.is_finite() {

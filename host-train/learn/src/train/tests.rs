@@ -4,13 +4,13 @@ use super::adversarial::Adversarial;
 use super::elevation_only::ElevationOnly;
 use super::feed::{Feed, tensors};
 use super::recipe::Recipe;
-use super::run::{BEST, LAST, Record, Run};
+use super::run::{BEST, LAST, Run, RunRecord};
 use super::sample::{RawTile, Sample};
 use super::source::{DataSpec, TileSource};
 use super::step::Trainer;
 use crate::model::backend::Backend;
 use crate::model::init::initial_weights;
-use crate::model::precision::Precision;
+use crate::model::precision::TrainingPrecision;
 use crate::model::store;
 use crate::testing::without_zeros;
 use elunar_base::Result;
@@ -76,7 +76,7 @@ fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, s
     let initial = (!resume).then(|| initial_weights(&network, 1));
     // This is never opened; the sources below are used.
     let spec = DataSpec::Folder { path: "ripples".into() };
-    let record = Record {
+    let record = RunRecord {
         network,
         recipe,
         data: spec.clone(),
@@ -92,7 +92,7 @@ fn run_of((network, recipe): (NetConfig, Recipe), folder: &Path, resume: bool, s
 #[test]
 fn a_killed_run_resumes_bit_for_bit() {
     let (network, recipe) = miniature();
-    let shared = (network.clone(), Recipe { devices: 2, precision: Precision::Bf16, ..recipe.clone() });
+    let shared = (network.clone(), Recipe { devices: 2, precision: TrainingPrecision::Bf16, ..recipe.clone() });
     // Tiles of several steps, crops that are not square, a mean of weights. It begins at 32 steps.
     let pooled = (network.clone(), Recipe { pool: 5, crop: [64, 96], average_steps: 64, steps: 144, ..recipe.clone() });
     // A network given no slopes, without a detail stage.
@@ -307,14 +307,14 @@ fn learnt(recipe: &Recipe, micro: &[usize]) -> Vec<f32> {
 fn half_precision_learns_as_well() {
     let (network, recipe) = miniature();
     let folder = tempfile::tempdir().unwrap();
-    let losses = |precision: Precision| -> Vec<f64> {
+    let losses = |precision: TrainingPrecision| -> Vec<f64> {
         let recipe = Recipe { precision, steps: 60, validate_every: 60, checkpoint_every: 60, ..recipe.clone() };
         let path = folder.path().join(format!("{precision:?}"));
         assert!(run_of((network.clone(), recipe), &path, false, None).train().unwrap().finished);
         let text = std::fs::read_to_string(path.join("steps.csv")).unwrap();
         text.lines().skip(1).map(|line| line.split(',').nth(2).unwrap().parse().unwrap()).collect()
     };
-    let [full, half] = [Precision::F32, Precision::Bf16].map(losses);
+    let [full, half] = [TrainingPrecision::F32, TrainingPrecision::Bf16].map(losses);
     let mean = |losses: &[f64]| losses.iter().sum::<f64>() / losses.len() as f64;
     let [(first, last), (_, half)] = [&full, &half].map(|losses| (mean(&losses[..5]), mean(&losses[55..])));
     println!("loss {first:.4} at first, {last:.4} in f32 and {half:.4} in bf16 at last");

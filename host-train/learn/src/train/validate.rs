@@ -2,7 +2,7 @@
 //! interpolated coarse DTM and the pipeline without training.
 
 use super::feed::tensors;
-use super::recipe::Target;
+use super::recipe::TrainingTarget;
 use super::sample::{Sample, untrained_m};
 use super::source::TileSource;
 use crate::model::elunar::ELunarDtmNet;
@@ -17,9 +17,9 @@ use elunar_net::config::{NetConfig, TruthRange};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
 
-/// Scores of heights and slopes of one DTM against the target of training ([`Target`]), over the whole set.
+/// Scores of heights and slopes of one DTM against the target of training ([`TrainingTarget`]), over the whole set.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Scores {
+pub struct ValidationScores {
     /// Root mean square height error, metres.
     pub rmse_m: f64,
     /// Mean absolute height error, metres.
@@ -30,7 +30,7 @@ pub struct Scores {
 
 /// Result of a validation.
 #[derive(Debug, Clone, Copy, PartialEq, Serialize, Deserialize)]
-pub struct Validation {
+pub struct ValidationResult {
     /// RMSE in normalised units. It selects the best weights, as in the paper.
     pub rmse: f64,
     /// Mean relative difference REL, normalised units.
@@ -46,12 +46,12 @@ pub struct Validation {
     /// Peak signal-to-noise ratio, dB.
     pub psnr_db: f64,
     /// Scores of the network, in metres and degrees.
-    pub network: Scores,
+    pub network: ValidationScores,
     /// Scores of the interpolated coarse DTM, in metres and degrees.
-    pub coarse: Scores,
+    pub coarse: ValidationScores,
     /// Scores of the coarse DTM plus photoclinometry ([`untrained_m`]), the baseline of all learning; `None` in results of older programs.
     #[serde(default)]
-    pub untrained: Option<Scores>,
+    pub untrained: Option<ValidationScores>,
 }
 
 /// One validation tile: the normalised maps, and the target of training in metres.
@@ -75,7 +75,7 @@ impl ValidationSet {
     ///
     /// # Errors
     /// If tiles cannot be made, or none can be normalised.
-    pub fn new(source: &dyn TileSource, config: &NetConfig, target: Target, count: usize) -> Result<Self> {
+    pub fn new(source: &dyn TileSource, config: &NetConfig, target: TrainingTarget, count: usize) -> Result<Self> {
         let cases: Result<Vec<Option<Case>>> = (0..count as u64)
             .into_par_iter()
             .map(|index| {
@@ -106,7 +106,7 @@ impl ValidationSet {
     ///
     /// # Errors
     /// If the network's output has the wrong size, or no finite height.
-    pub fn run(&self, net: &ELunarDtmNet, device: &Device) -> Result<Validation> {
+    pub fn run(&self, net: &ELunarDtmNet, device: &Device) -> Result<ValidationResult> {
         let mut relative = RelativeErrors::default();
         let [mut network, mut coarse, mut untrained] = [(); 3].map(|()| Tally::default());
         for case in &self.cases {
@@ -132,7 +132,7 @@ impl ValidationSet {
         }
         let none = || Error::input("validation: the network's output has no finite height");
         let [a1, a2, a3] = relative.share_within_ratio().ok_or_else(none)?;
-        Ok(Validation {
+        Ok(ValidationResult {
             rmse: relative.rmse().ok_or_else(none)?,
             rel: relative.rel().ok_or_else(none)?,
             a1,
@@ -163,8 +163,8 @@ impl Tally {
         self.slopes.extend(view(&case.truth_m)?, view(dtm_m)?, pixel).map_err(wrong)
     }
 
-    fn scores(&self) -> Option<Scores> {
-        Some(Scores {
+    fn scores(&self) -> Option<ValidationScores> {
+        Some(ValidationScores {
             rmse_m: self.heights.rmse_m()?,
             mae_m: self.heights.mae_m()?,
             slope_mae_deg: self.slopes.mae_deg()?,

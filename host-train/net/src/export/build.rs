@@ -1,9 +1,9 @@
 //! The operator graph, from configuration and weights. Batch norm becomes part of the convolution before it.
 
-use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
-use crate::config::{DTM_KERNELS, DecoderKind, Head, ImageEncoderKind, NetConfig, RESNET_BLOCKS};
+use super::graph::{Activation, ConvInput, Graph, LayerWeights, Node, NodeId, Operation};
+use crate::config::{DTM_KERNELS, DecoderKind, ImageEncoderKind, NetConfig, OutputHead, RESNET_BLOCKS};
 use crate::fit::check_fit;
-use crate::weights::Weights;
+use crate::weights::NetWeights;
 use elunar_base::{Error, Result};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -16,7 +16,7 @@ pub const NORM_EPSILON: f64 = 1e-5;
 /// # Errors
 /// [`Error::Input`] for a tile that is no multiple of 32, [`Error::Unsupported`] for a single-branch network or a U-Net, [`Error::Broken`] if weights
 /// do not fit the configuration: all misfits in one line, each with expected and found shape.
-pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (usize, usize)) -> Result<Graph> {
+pub fn build(config: &NetConfig, weights: &NetWeights, path: &Path, (rows, cols): (usize, usize)) -> Result<Graph> {
     config.check().map_err(|what| Error::broken(path, what))?;
     if rows == 0 || cols == 0 || rows % 32 != 0 || cols % 32 != 0 {
         return Err(Error::input(format!("tile: expected multiples of 32, found {rows} x {cols}")));
@@ -45,7 +45,7 @@ pub fn build(config: &NetConfig, weights: &Weights, path: &Path, (rows, cols): (
 /// [`Error::Input`] if the configuration contradicts itself.
 pub fn manifest(config: &NetConfig) -> Result<BTreeMap<String, Vec<usize>>> {
     config.check().map_err(Error::input)?;
-    let none = Weights::default();
+    let none = NetWeights::default();
     let mut builder = Builder::new(config, &none);
     builder.network(32, 32);
     Ok(builder.reader.asked)
@@ -53,7 +53,7 @@ pub fn manifest(config: &NetConfig) -> Result<BTreeMap<String, Vec<usize>>> {
 
 /// Returns tensors and records which were requested.
 struct Reader<'a> {
-    weights: &'a Weights,
+    weights: &'a NetWeights,
     asked: BTreeMap<String, Vec<usize>>,
 }
 
@@ -90,14 +90,14 @@ struct Spec {
 }
 
 impl<'a> Builder<'a> {
-    fn new(config: &'a NetConfig, weights: &'a Weights) -> Self {
+    fn new(config: &'a NetConfig, weights: &'a NetWeights) -> Self {
         let reader = Reader { weights, asked: BTreeMap::new() };
         Self { config, reader, graph: Graph::default() }
     }
 
     fn network(&mut self, rows: usize, cols: usize) {
         let image = self.push("image", Operation::Image, (rows, cols, self.config.encoder_channels()), true);
-        let needs_coarse = self.config.use_coarse || self.config.head == Head::Residual;
+        let needs_coarse = self.config.use_coarse || self.config.head == OutputHead::Residual;
         let coarse = needs_coarse.then(|| self.push("coarse", Operation::Coarse, (rows, cols, 1), true));
         let e = self.image_encoder(image);
         let mut deepest = vec![plain(e[4])];
@@ -145,7 +145,12 @@ impl<'a> Builder<'a> {
         let whole = self.kernel(name, first + second, output, 3, true);
         let part = |from: usize, input: usize, bias: Vec<f32>| {
             let pixels = whole.weights.chunks_exact(first + second);
-            Kernel { input, bias, weights: pixels.flat_map(|w| &w[from..from + input]).copied().collect(), ..whole }
+            LayerWeights {
+                input,
+                bias,
+                weights: pixels.flat_map(|w| &w[from..from + input]).copied().collect(),
+                ..whole
+            }
         };
         let [of_d, of_image] = [part(0, first, whole.bias.clone()), part(first, second, vec![0.0; output])];
         let fine = self.conv("detail.image", &[plain(image)], of_image, (1, 1), Activation::None, None, true);
@@ -243,8 +248,8 @@ impl<'a> Builder<'a> {
 
     fn decoder_block(&mut self, u: usize, d: NodeId, e: Option<NodeId>) -> NodeId {
         let (output, name) = (self.config.decoder[u], format!("decoder.{u}"));
-        let up = |node| Source { node, up: true };
-        let all: Vec<Source> = e.into_iter().chain([d]).map(up).collect();
+        let up = |node| ConvInput { node, up: true };
+        let all: Vec<ConvInput> = e.into_iter().chain([d]).map(up).collect();
         let short = if self.config.decoder_kind == DecoderKind::Upb { all.clone() } else { vec![up(d)] };
         // The steps of an 8-bit map before the head would be terraces in the DTM. Earlier maps are smoothed by later layers.
         let precise = u == 4;
@@ -258,7 +263,7 @@ impl<'a> Builder<'a> {
     }
 
     fn head(&mut self, d: NodeId, coarse: Option<NodeId>) {
-        let residual = self.config.head == Head::Residual;
+        let residual = self.config.head == OutputHead::Residual;
         let kernel = self.kernel("head", self.config.head_channels(), 1, 3, true);
         let activation = if residual { Activation::None } else { Activation::Relu };
         let add = coarse.filter(|_| residual);
@@ -283,10 +288,10 @@ impl<'a> Builder<'a> {
         (n.rows, n.cols, n.channels)
     }
 
-    fn kernel(&mut self, name: &str, input: usize, output: usize, side: usize, bias: bool) -> Kernel {
+    fn kernel(&mut self, name: &str, input: usize, output: usize, side: usize, bias: bool) -> LayerWeights {
         let weights = self.reader.get(&format!("{name}.weight"), &[output, input, side, side]);
         let bias = if bias { self.reader.get(&format!("{name}.bias"), &[output]) } else { vec![0.0; output] };
-        Kernel { output, input, side, weights: interleave(&weights, input, side), bias }
+        LayerWeights { output, input, side, weights: interleave(&weights, input, side), bias }
     }
 
     fn linear(
@@ -305,12 +310,12 @@ impl<'a> Builder<'a> {
         } else {
             self.reader.get(&format!("{name}.bias"), &[output])
         };
-        let kernel = Kernel { output, input: channels, side: 1, weights, bias };
+        let kernel = LayerWeights { output, input: channels, side: 1, weights, bias };
         self.conv(name, &[plain(input)], kernel, (1, 0), activation, add, precise)
     }
 
     /// Combines convolution and batch norm: w' = w γ/√(σ²+ε), b' = β − μ γ/√(σ²+ε).
-    fn conv_bn(&mut self, name: &str, sources: &[Source], spec: Spec, add: Option<NodeId>) -> NodeId {
+    fn conv_bn(&mut self, name: &str, sources: &[ConvInput], spec: Spec, add: Option<NodeId>) -> NodeId {
         let input = sources.iter().map(|s| self.graph.nodes[s.node].channels).sum();
         let mut kernel = self.kernel(&format!("{name}.conv"), input, spec.output, spec.side, false);
         let mut statistic = |part: &str| self.reader.get(&format!("{name}.bn.{part}"), &[spec.output]);
@@ -329,8 +334,8 @@ impl<'a> Builder<'a> {
     fn conv(
         &mut self,
         name: &str,
-        sources: &[Source],
-        kernel: Kernel,
+        sources: &[ConvInput],
+        kernel: LayerWeights,
         (stride, pad): (usize, usize),
         activation: Activation,
         add: Option<NodeId>,
@@ -354,6 +359,6 @@ impl<'a> Builder<'a> {
     }
 }
 
-fn plain(node: NodeId) -> Source {
-    Source { node, up: false }
+fn plain(node: NodeId) -> ConvInput {
+    ConvInput { node, up: false }
 }

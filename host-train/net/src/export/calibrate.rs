@@ -12,12 +12,12 @@ pub struct CalibrationTile {
     /// Normalised coarse DTM, [0, NR], row-major.
     pub coarse: Vec<f32>,
     /// Data for the conversion of normalised units into metres; `None` for a tile that is not terrain.
-    pub ground: Option<Ground>,
+    pub ground: Option<TileTruth>,
 }
 
 /// Scale and truth of a tile.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Ground {
+pub struct TileTruth {
     /// Metres per normalised unit (the coarse tile's relief over NR).
     pub metres_per_unit: f32,
     /// Ground size of a pixel, metres.

@@ -2,9 +2,9 @@
 //! error is within a bound.
 
 use super::calibrate::{CalibrationTile, Range};
-use super::compile::{Export, Options, finish};
+use super::compile::{CompileOptions, Export, finish};
 use super::graph::Graph;
-use super::report::{Comparison, compare};
+use super::report::{RunnerDifferences, compare};
 use super::sensitivity::Sensitivity;
 use crate::config::NetConfig;
 use elunar_base::{Error, Result};
@@ -14,7 +14,7 @@ use std::fmt;
 
 /// Input of an export, and the tiles for measuring its error.
 #[derive(Debug, Clone, Copy)]
-pub struct Job<'a> {
+pub struct ExportJob<'a> {
     /// The network's configuration.
     pub config: &'a NetConfig,
     /// The network.
@@ -22,14 +22,14 @@ pub struct Job<'a> {
     /// Ranges of its maps.
     pub ranges: &'a [Range],
     /// Tile and name. The precision is not used, because it is chosen here.
-    pub options: &'a Options,
+    pub options: &'a CompileOptions,
     /// Tiles with truth.
     pub tiles: &'a [CalibrationTile],
 }
 
 /// One export during the search.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Trial {
+pub struct ExportTrial {
     /// Number of maps with 16 bits, of those that can have 8 or 16.
     pub wide_maps: usize,
     /// Name of the map that was added last.
@@ -37,7 +37,7 @@ pub struct Trial {
     /// Size of the arena, bytes.
     pub arena_bytes: usize,
     /// Comparison of the runner with the float network.
-    pub comparison: Comparison,
+    pub comparison: RunnerDifferences,
 }
 
 /// The export that meets the bound.
@@ -48,7 +48,7 @@ pub struct Chosen {
     /// The export.
     pub export: Export,
     /// All trials; the last one is the export.
-    pub trials: Vec<Trial>,
+    pub trials: Vec<ExportTrial>,
 }
 
 /// Exports with a growing number of maps of 16 bits, in the order of [`Sensitivity::by_gain`], until the slope error grows by no more than
@@ -56,7 +56,12 @@ pub struct Chosen {
 ///
 /// # Errors
 /// [`Error::Input`] if 16 bits everywhere do not suffice, or the tiles have no truth. Otherwise as [`finish`] and [`compare`].
-pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: impl Fn(usize)) -> Result<Chosen> {
+pub fn choose(
+    job: &ExportJob<'_>,
+    sensitivity: &Sensitivity,
+    percent: f64,
+    progress: impl Fn(usize),
+) -> Result<Chosen> {
     let mut wide = vec![false; job.graph.nodes.len()];
     let order = sensitivity.by_gain();
     let mut trials = Vec::new();
@@ -71,7 +76,7 @@ pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: 
         };
         let model = Model::new(&export.bytes).map_err(|e| Error::input(format!("export: {e}")))?;
         let added = last.map_or_else(String::new, |id| job.graph.nodes[id].name.clone());
-        trials.push(Trial { wide_maps, added, arena_bytes: required(&model), comparison });
+        trials.push(ExportTrial { wide_maps, added, arena_bytes: required(&model), comparison });
         progress(trials.len());
         if ground.slope_error_growth_percent <= percent {
             return Ok(Chosen { wide, export, trials });
@@ -83,7 +88,7 @@ pub fn choose(job: &Job<'_>, sensitivity: &Sensitivity, percent: f64, progress: 
     )))
 }
 
-impl fmt::Display for Trial {
+impl fmt::Display for ExportTrial {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let ground = self.comparison.ground.unwrap_or_default();
         write!(

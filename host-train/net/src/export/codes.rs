@@ -18,7 +18,7 @@ const RANGE_FLOOR: f64 = 1.0 / 32.0;
 /// have 16 bits: the residual stream of the transformer, and the other inputs.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[cfg_attr(feature = "clap", derive(clap::ValueEnum))]
-pub enum Precision {
+pub enum MapBits {
     /// 8 bits wherever possible: least memory.
     Int8,
     /// 16 bits where 8 would be visible in the DTM: for the head's input and the sums in the decoder.
@@ -81,13 +81,13 @@ fn largest_code(graph: &Graph, id: NodeId) -> i32 {
 }
 
 /// Returns which maps keep 16 bits by a rule without data: the residual stream always, others by the given precision.
-pub fn wide_by_rule(graph: &Graph, precision: Precision) -> Vec<bool> {
+pub fn wide_by_rule(graph: &Graph, precision: MapBits) -> Vec<bool> {
     let of = |id: NodeId| {
         let feeds_norm = graph.users(id).any(|user| matches!(user.operation, Operation::LayerNorm { .. }));
         match precision {
-            Precision::Int8 => feeds_norm,
-            Precision::Mixed => feeds_norm || graph.nodes[id].precise,
-            Precision::Int16 => true,
+            MapBits::Int8 => feeds_norm,
+            MapBits::Mixed => feeds_norm || graph.nodes[id].precise,
+            MapBits::Int16 => true,
         }
     };
     (0..graph.nodes.len()).map(of).collect()

@@ -2,12 +2,12 @@
 
 use super::build::build;
 use super::calibrate::{CalibrationTile, Range, calibrate};
-use super::codes::{Precision, wide_by_rule};
+use super::codes::{MapBits, wide_by_rule};
 use super::graph::{Graph, Operation};
 use super::plan::order_and_plan;
 use super::quantise::{Program, quantise};
 use crate::config::NetConfig;
-use crate::weights::Weights;
+use crate::weights::NetWeights;
 use elunar_base::{Error, Result};
 use elunar_core::nn::file::{Content, NONE, Operator};
 use elunar_core::nn::{Model, Progress, Runner, required};
@@ -18,11 +18,11 @@ const SELF_TEST_SEED: u32 = 0x454c_4431;
 
 /// Options of an export.
 #[derive(Debug, Clone)]
-pub struct Options {
+pub struct CompileOptions {
     /// Tile rows and columns, multiples of 32.
     pub tile: (usize, usize),
     /// Bits of the maps.
-    pub precision: Precision,
+    pub precision: MapBits,
     /// Name stored in the file.
     pub name: String,
 }
@@ -46,10 +46,10 @@ pub struct Export {
 /// if the runner would refuse the result (a network beyond its limits).
 pub fn export(
     config: &NetConfig,
-    weights: &Weights,
+    weights: &NetWeights,
     path: &Path,
     tiles: &[CalibrationTile],
-    options: &Options,
+    options: &CompileOptions,
     progress: impl Fn(usize),
 ) -> Result<Export> {
     let graph = build(config, weights, path, options.tile)?;
@@ -63,7 +63,13 @@ pub fn export(
 ///
 /// # Errors
 /// As [`export`].
-pub fn finish(config: &NetConfig, graph: Graph, ranges: &[Range], wide: &[bool], options: &Options) -> Result<Export> {
+pub fn finish(
+    config: &NetConfig,
+    graph: Graph,
+    ranges: &[Range],
+    wide: &[bool],
+    options: &CompileOptions,
+) -> Result<Export> {
     let mut program = quantise(&graph, ranges, config.coarse_limit(), wide)?;
     let roles = roles(&graph, &program);
     let schedule = order_and_plan(&mut program.tensors, &program.operators, &roles[..2], roles[2]);

@@ -1,7 +1,7 @@
 //! The operator graph on real numbers. It shows that the graph equals the network, and it measures the maps for calibration.
 
 use super::build::NORM_EPSILON;
-use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
+use super::graph::{Activation, ConvInput, Graph, LayerWeights, Node, NodeId, Operation};
 use rayon::prelude::*;
 
 /// Returns x Φ(x) exactly. The reference uses the error function, not the tanh approximation.
@@ -28,10 +28,10 @@ pub fn run(graph: &Graph, image: &[f32], coarse: &[f32]) -> Vec<Vec<f32>> {
 }
 
 /// Function from a node's number to its map.
-pub(crate) type Maps<'f, 'm> = &'f (dyn Fn(NodeId) -> &'m [f32] + Sync);
+pub(crate) type NodeMaps<'f, 'm> = &'f (dyn Fn(NodeId) -> &'m [f32] + Sync);
 
 /// Computes the map of a node that is not an input.
-pub(crate) fn compute(graph: &Graph, node: &Node, maps: Maps<'_, '_>) -> Vec<f32> {
+pub(crate) fn compute(graph: &Graph, node: &Node, maps: NodeMaps<'_, '_>) -> Vec<f32> {
     match &node.operation {
         Operation::Image | Operation::Coarse => Vec::new(),
         Operation::Conv { sources, kernel, stride, pad, add, activation } => {
@@ -57,7 +57,7 @@ struct Input {
 }
 
 /// Joins the channels of the sources, upsampled where requested, with a border of zeros.
-fn gather(graph: &Graph, maps: Maps<'_, '_>, sources: &[Source], pad: usize) -> Input {
+fn gather(graph: &Graph, maps: NodeMaps<'_, '_>, sources: &[ConvInput], pad: usize) -> Input {
     let first = &graph.nodes[sources[0].node];
     let factor = if sources[0].up { 2 } else { 1 };
     let (rows, cols) = (first.rows * factor, first.cols * factor);
@@ -95,7 +95,7 @@ fn upsample(row: usize, col: usize, node: &Node, read: impl Fn(usize, usize) -> 
     top * (1.0 - fr) + bottom * fr
 }
 
-fn conv(input: &Input, kernel: &Kernel, stride: usize, node: &Node) -> Vec<f32> {
+fn conv(input: &Input, kernel: &LayerWeights, stride: usize, node: &Node) -> Vec<f32> {
     let taps = kernel.side * kernel.side * kernel.input;
     // `[tap][output]`, so that the inner loop runs over contiguous outputs.
     let mut weights = vec![0.0; taps * kernel.output];

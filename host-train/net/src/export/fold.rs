@@ -8,7 +8,7 @@
 //! sample. In the two outermost outputs on each side, this adds one product with the border sample. A correction subtracts it: along an
 //! axis (filter - correction), in two dimensions (filter - correction) x (filter - correction). That makes 12 x 12 weights instead of 25.
 
-use super::graph::Kernel;
+use super::graph::LayerWeights;
 use super::pack::Filter;
 use elunar_core::nn::file::{PHASE_TAPS, PHASES, Phase};
 
@@ -19,7 +19,7 @@ const SIDE: usize = 5;
 type Axis = [[[f64; SIDE]; 4]; PHASES];
 
 /// Returns all sets of filters and corrections, `[row phase][column phase]`, see [`elunar_core::nn::file::Phase`].
-pub(super) fn fold(kernel: &Kernel) -> Vec<Filter> {
+pub(super) fn fold(kernel: &LayerWeights) -> Vec<Filter> {
     let axis = axis();
     let mut filters = Vec::new();
     for (row_phase, (down, rows)) in axis.iter().zip(PHASE_TAPS).enumerate() {
@@ -31,7 +31,7 @@ pub(super) fn fold(kernel: &Kernel) -> Vec<Filter> {
     filters
 }
 
-fn folded(kernel: &Kernel, down: &[[f64; SIDE]], across: &[[f64; SIDE]]) -> Filter {
+fn folded(kernel: &LayerWeights, down: &[[f64; SIDE]], across: &[[f64; SIDE]]) -> Filter {
     let mut weights = Vec::with_capacity(kernel.output * down.len() * across.len() * kernel.input);
     for filter in kernel.weights.chunks_exact(SIDE * SIDE * kernel.input) {
         for row in down {
@@ -112,7 +112,7 @@ mod tests {
         for (rows, cols) in [(4, 4), (5, 9), (8, 6)] {
             let map: Vec<f64> = (0..rows * cols).map(|i| ((i * 7919 % 101) as f64 - 50.0) / 9.0).collect();
             let weights: Vec<f32> = (0..25).map(|i| ((i * 31 % 17) as f32 - 8.0) / 5.0).collect();
-            let kernel = Kernel { output: 1, input: 1, side: 5, weights: weights.clone(), bias: vec![0.0] };
+            let kernel = LayerWeights { output: 1, input: 1, side: 5, weights: weights.clone(), bias: vec![0.0] };
             let (filters, large) = (fold(&kernel), upsample(&map, rows, cols));
             for row in 0..2 * rows {
                 for col in 0..2 * cols {

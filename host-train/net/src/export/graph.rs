@@ -5,7 +5,7 @@ pub type NodeId = usize;
 
 /// A map that a convolution reads. Its channels follow those of the previous source.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub struct Source {
+pub struct ConvInput {
     /// The node whose output is read.
     pub node: NodeId,
     /// Whether the map is upsampled twofold first (bilinear, half-pixel centres).
@@ -25,7 +25,7 @@ pub enum Activation {
 
 /// Weights of a convolution or linear layer.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Kernel {
+pub struct LayerWeights {
     /// Output channels.
     pub output: usize,
     /// Input channels.
@@ -48,9 +48,9 @@ pub enum Operation {
     /// Convolution over the channels of all sources, plus another map, then an activation.
     Conv {
         /// Maps that the convolution reads.
-        sources: Vec<Source>,
+        sources: Vec<ConvInput>,
         /// Weights and bias.
-        kernel: Kernel,
+        kernel: LayerWeights,
         /// Stride.
         stride: usize,
         /// Zero padding on every side.

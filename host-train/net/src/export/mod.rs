@@ -24,8 +24,8 @@ pub mod schedule;
 pub mod sensitivity;
 
 pub use calibrate::CalibrationTile;
-pub use codes::Precision;
-pub use compile::{Options, export};
+pub use codes::MapBits;
+pub use compile::{CompileOptions, export};
 
 #[cfg(test)]
 mod tests;

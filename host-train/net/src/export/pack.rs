@@ -1,6 +1,6 @@
 //! Weights in the order in which kernels read them.
 
-use super::graph::Kernel;
+use super::graph::LayerWeights;
 use elunar_core::nn::file::{Dtype, Tensor, groups, panels};
 
 /// Filters of all output channels, with real weights.
@@ -16,7 +16,7 @@ pub(crate) struct Filter {
 
 impl Filter {
     /// Makes a filter from an unchanged kernel.
-    pub(crate) fn whole(kernel: &Kernel) -> Self {
+    pub(crate) fn whole(kernel: &LayerWeights) -> Self {
         let weights = kernel.weights.iter().map(|w| *w as f64).collect();
         Self { extent: (kernel.side, kernel.side), weights, correction: false }
     }

@@ -8,7 +8,7 @@ use super::calibrate::Range;
 use super::codes::{Codes, GELU_MINIMUM, codes_of};
 use super::float::gelu;
 use super::fold::fold;
-use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
+use super::graph::{Activation, ConvInput, Graph, LayerWeights, Node, NodeId, Operation};
 use super::pack::{Filter, IntegerFilter, Integers, pack};
 use elunar_base::{Error, Result};
 use elunar_core::nn::file::{
@@ -55,7 +55,7 @@ pub struct Program {
 
 impl Program {
     /// Returns the means of a convolution's input channels.
-    pub(crate) fn input_means(&self, sources: &[Source]) -> Vec<f64> {
+    pub(crate) fn input_means(&self, sources: &[ConvInput]) -> Vec<f64> {
         sources.iter().flat_map(|s| self.means[s.node].iter().copied()).collect()
     }
 }
@@ -157,7 +157,7 @@ impl Quantiser<'_> {
 
     /// Returns the number of columns of the one-channel output that are computed as channels of one pixel. Panels have at least
     /// [`COLUMNS_AT_ONCE`] channels. The result has the same bytes.
-    fn columns_at_once(&mut self, id: NodeId, kernel: &Kernel, form: Form) -> usize {
+    fn columns_at_once(&mut self, id: NodeId, kernel: &LayerWeights, form: Form) -> usize {
         let out = &mut self.program.tensors[self.program.tensor_of[id] as usize];
         let fits = out.cols.is_multiple_of(COLUMNS_AT_ONCE) && kernel.side + COLUMNS_AT_ONCE - 1 <= file::MAX_KERNEL;
         if out.channels != 1 || form.stride != 1 || !fits {
@@ -184,7 +184,7 @@ impl Quantiser<'_> {
     }
 
     #[expect(clippy::too_many_lines, reason = "every field of the record, in its order")]
-    fn conv(&mut self, id: NodeId, sources: &[Source], kernel: &Kernel, form: Form) -> Option<Operator> {
+    fn conv(&mut self, id: NodeId, sources: &[ConvInput], kernel: &LayerWeights, form: Form) -> Option<Operator> {
         let read_scales: Vec<f64> =
             sources.iter().flat_map(|s| self.program.codes[s.node].scales.iter().copied()).collect();
         let folds = folds(self.graph, &self.graph.nodes[id]);
@@ -362,7 +362,7 @@ fn block(weight_bytes: usize, cols: usize) -> usize {
 }
 
 /// Converts a filter with one output into one with `columns` outputs, each one column to the right of the one before.
-fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
+fn side_by_side(kernel: &LayerWeights, columns: usize) -> (LayerWeights, Filter) {
     let (side, input, wide) = (kernel.side, kernel.input, kernel.side + columns - 1);
     let mut weights = vec![0.0; columns * side * wide * input];
     for shift in 0..columns {
@@ -373,7 +373,10 @@ fn side_by_side(kernel: &Kernel, columns: usize) -> (Kernel, Filter) {
         }
     }
     let bias = vec![kernel.bias[0]; columns];
-    (Kernel { output: columns, bias, ..kernel.clone() }, Filter { extent: (side, wide), weights, correction: false })
+    (
+        LayerWeights { output: columns, bias, ..kernel.clone() },
+        Filter { extent: (side, wide), weights, correction: false },
+    )
 }
 
 /// Properties of a convolution apart from its weights.
@@ -387,7 +390,12 @@ struct Form {
 
 /// Quantises weights. `read_scales` is the real value of one step of each input channel; `means` are the channels' means. Rounding of the
 /// weights changes the mean of the output, and the bias compensates for this.
-pub(crate) fn quantise_weights(kernel: &Kernel, filters: &[Filter], read_scales: &[f64], means: &[f64]) -> Integers {
+pub(crate) fn quantise_weights(
+    kernel: &LayerWeights,
+    filters: &[Filter],
+    read_scales: &[f64],
+    means: &[f64],
+) -> Integers {
     let real = |filter: &Filter, o: usize| -> Vec<f64> {
         let taps = filter.weights.len() / kernel.output;
         let weights = &filter.weights[o * taps..(o + 1) * taps];

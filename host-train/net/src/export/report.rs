@@ -12,7 +12,7 @@ use std::fmt;
 
 /// Differences between the int8 runner and the float network.
 #[derive(Debug, Clone, Copy, PartialEq, Default, serde::Serialize)]
-pub struct Comparison {
+pub struct RunnerDifferences {
     /// Number of tiles compared.
     pub tiles: usize,
     /// Root mean square difference, normalised units.
@@ -50,7 +50,7 @@ pub struct GroundComparison {
 ///
 /// # Errors
 /// [`Error::Input`] if the runner refuses a tile.
-pub fn compare(export: &Export, tiles: &[CalibrationTile], progress: impl Fn(usize)) -> Result<Comparison> {
+pub fn compare(export: &Export, tiles: &[CalibrationTile], progress: impl Fn(usize)) -> Result<RunnerDifferences> {
     let fault = |e: &dyn fmt::Display| Error::input(format!("export: comparison: {e}"));
     let model = Model::new(&export.bytes).map_err(|e| fault(&e))?;
     let mut arena = vec![0; required(&model)];
@@ -119,7 +119,7 @@ impl Sums {
     }
 
     /// Returns the comparison over `tiles` tiles.
-    pub(crate) fn comparison(&self, tiles: usize) -> Comparison {
+    pub(crate) fn comparison(&self, tiles: usize) -> RunnerDifferences {
         let [float_error_m, int8_error_m, float_slope_error_deg, int8_slope_error_deg] = self.errors.map(Mean::root);
         let ground = GroundComparison {
             rmse_m: self.metres.root(),
@@ -132,7 +132,7 @@ impl Sums {
             error_growth_percent: growth_percent(float_error_m, int8_error_m),
             slope_error_growth_percent: growth_percent(float_slope_error_deg, int8_slope_error_deg),
         };
-        Comparison {
+        RunnerDifferences {
             tiles,
             rmse_units: self.units.root(),
             max_units: self.max_units,
@@ -157,7 +157,7 @@ fn slope(map: &[f32], rows: usize, cols: usize, metres_per_unit: f32, pixel_m: f
     out
 }
 
-impl fmt::Display for Comparison {
+impl fmt::Display for RunnerDifferences {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(f, "int8 against float on {} tiles not used for calibration:", self.tiles)?;
         write!(f, "  difference    {:.4} rms, {:.3} largest, in normalised units", self.rmse_units, self.max_units)?;

@@ -2,9 +2,9 @@
 
 use super::calibrate::Range;
 use super::codes::{Codes, codes_of};
-use super::float::{self, Maps};
+use super::float::{self, NodeMaps};
 use super::fold::fold;
-use super::graph::{Activation, Graph, Kernel, Node, NodeId, Operation, Source};
+use super::graph::{Activation, ConvInput, Graph, LayerWeights, Node, NodeId, Operation};
 use super::pack::Filter;
 use super::quantise::{folds, gelu_table, quantise_weights};
 use elunar_core::nn::file::{PHASE_TAPS, PHASES, Phase};
@@ -24,7 +24,7 @@ pub(crate) struct Rounder<'a> {
 
 impl Rounder<'_> {
     /// Computes the map of node `id`, rounded to codes of 8 or 16 bits (`wide`). Also returns the number of samples beyond the codes.
-    pub(crate) fn map(&self, id: NodeId, wide: bool, maps: Maps<'_, '_>) -> (Vec<f32>, usize) {
+    pub(crate) fn map(&self, id: NodeId, wide: bool, maps: NodeMaps<'_, '_>) -> (Vec<f32>, usize) {
         let node = &self.graph.nodes[id];
         let codes = codes_of(self.graph, id, &self.ranges[id], self.coarse_limit, wide);
         if let Operation::Conv { sources, kernel, stride, pad, add, activation: Activation::Gelu } = &node.operation {
@@ -47,17 +47,17 @@ impl Rounder<'_> {
     }
 
     /// Computes the map of node `id` with weights of 8 bits; `None` if none of its weights are rounded.
-    pub(crate) fn weights(&self, id: NodeId, maps: Maps<'_, '_>) -> Option<Vec<f32>> {
+    pub(crate) fn weights(&self, id: NodeId, maps: NodeMaps<'_, '_>) -> Option<Vec<f32>> {
         let node = &self.graph.nodes[id];
         let Operation::Conv { sources, kernel, stride, pad, add, activation } = &node.operation else { return None };
         let codes =
-            |s: &Source| codes_of(self.graph, s.node, &self.ranges[s.node], self.coarse_limit, self.wide[s.node]);
+            |s: &ConvInput| codes_of(self.graph, s.node, &self.ranges[s.node], self.coarse_limit, self.wide[s.node]);
         let scales: Vec<f64> = sources.iter().flat_map(|s| codes(s).scales).collect();
         let means: Vec<f64> = sources.iter().flat_map(|s| self.ranges[s.node].mean.iter().copied()).collect();
         let folded = folds(self.graph, node);
         let filters = if folded { fold(kernel) } else { vec![Filter::whole(kernel)] };
         let integers = quantise_weights(kernel, &filters, &scales, &means);
-        let rounded: Vec<Kernel> = integers
+        let rounded: Vec<LayerWeights> = integers
             .filters
             .iter()
             .map(|filter| {
@@ -66,7 +66,11 @@ impl Rounder<'_> {
                     (*w as f64 * integers.scales[i / taps] / scales[i % taps % kernel.input]) as f32
                 };
                 let bias = filter.bias.iter().zip(&integers.scales).map(|(b, s)| (*b as f64 * s) as f32).collect();
-                Kernel { weights: filter.weights.iter().enumerate().map(weight).collect(), bias, ..kernel.clone() }
+                LayerWeights {
+                    weights: filter.weights.iter().enumerate().map(weight).collect(),
+                    bias,
+                    ..kernel.clone()
+                }
             })
             .collect();
         if folded {
@@ -82,7 +86,7 @@ impl Rounder<'_> {
 
     /// Computes a convolution that contains the upsampling, without its activation. Every output phase has its own filters, and borders
     /// have corrections.
-    fn folded(&self, node: &Node, sources: &[Source], filters: &[Kernel], maps: Maps<'_, '_>) -> Vec<f32> {
+    fn folded(&self, node: &Node, sources: &[ConvInput], filters: &[LayerWeights], maps: NodeMaps<'_, '_>) -> Vec<f32> {
         let (rows, cols) = (node.rows / 2, node.cols / 2);
         let mut map = vec![0.0; node.len()];
         map.par_chunks_exact_mut(node.cols * node.channels).enumerate().for_each(|(row, line)| {

@@ -86,12 +86,12 @@ enum Change {
 }
 
 /// The roundings to be measured.
-pub struct Plan<'a> {
+pub struct SensitivityPlan<'a> {
     rounder: Rounder<'a>,
     changes: Vec<Change>,
 }
 
-impl<'a> Plan<'a> {
+impl<'a> SensitivityPlan<'a> {
     /// Plans all roundings of a network. Its maps have `ranges`, and keep 16 bits where `wide` is true.
     pub fn new(graph: &'a Graph, ranges: &'a [Range], coarse_limit: f32, wide: &'a [bool]) -> Self {
         let mut changes = Vec::new();

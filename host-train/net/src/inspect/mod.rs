@@ -10,7 +10,7 @@ use crate::shipped;
 use elunar_base::{Error, Result};
 use elunar_core::nn::Kernel;
 use elunar_core::nn::file::MAGIC;
-use model::Plan;
+use model::ModelFigures;
 use std::path::Path;
 
 /// Length field of a safetensors header, and its first byte `{`.
@@ -20,14 +20,14 @@ const SAFETENSORS_HEAD_BYTES: usize = 9;
 ///
 /// # Errors
 /// [`Error::Input`] if the file is not a model, or its self test fails; [`Error::Broken`] if the model is damaged.
-pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<Plan> {
+pub fn plan(path: &Path, head: &[u8], time: Option<(Kernel, usize)>) -> Result<ModelFigures> {
     if !is_model(head, path) {
         let what = "expected a model (.eld), the only kind of file that has a plan";
         return Err(Error::input(format!("{}: {what}", path.display())));
     }
     let (_, bytes) = shipped::model(path)?;
     let model = elunar_core::nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?;
-    let mut plan = Plan::of(&model);
+    let mut plan = ModelFigures::of(&model);
     if let Some((kernel, tiles)) = time {
         plan.set_times(timing::measure(kernel, model, tiles)?);
     }

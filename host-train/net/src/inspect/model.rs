@@ -10,7 +10,7 @@ use serde::Serialize;
 
 /// The figures of a model.
 #[derive(Debug, Clone, PartialEq, Serialize)]
-pub struct Plan {
+pub struct ModelFigures {
     /// Name in the file.
     pub name: String,
     /// Bits of the maps, as chosen for the export.
@@ -102,7 +102,7 @@ pub struct TensorLife {
     pub last_mac: u64,
 }
 
-impl Plan {
+impl ModelFigures {
     /// Reads the plan of a validated model. The model is not run.
     pub fn of(model: &Model<'_>) -> Self {
         let Shape { rows, cols } = model.tile();

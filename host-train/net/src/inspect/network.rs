@@ -1,7 +1,7 @@
 //! Descriptions of model files and tensors.
 
-use super::model::{OperatorLine, Plan};
-use crate::weights::Weights;
+use super::model::{ModelFigures, OperatorLine};
+use crate::weights::NetWeights;
 use elunar_base::digest::sha256_hex;
 use elunar_base::{Result, read};
 use std::path::Path;
@@ -12,7 +12,7 @@ use std::path::Path;
 /// If the file cannot be read, or is broken.
 pub fn tensors(path: &Path) -> Result<String> {
     let bytes = read::bytes(path, read::MOST_BYTES)?;
-    let weights = Weights::from_bytes(path, &bytes)?;
+    let weights = NetWeights::from_bytes(path, &bytes)?;
     let count: usize = weights.tensors.values().map(|a| a.data.len()).sum();
     let is_golden = weights.tensors.contains_key("input.image") && weights.metadata.contains_key("loss_terms");
     let kind = match (is_golden, weights.metadata.contains_key("config")) {
@@ -29,8 +29,8 @@ pub fn tensors(path: &Path) -> Result<String> {
 }
 
 /// Describes a plan in several lines, without a newline at the end.
-pub fn model(plan: &Plan) -> String {
-    let Plan { tile: (rows, cols), .. } = plan;
+pub fn model(plan: &ModelFigures) -> String {
+    let ModelFigures { tile: (rows, cols), .. } = plan;
     let mut out = format!("int8 model for tiles of {rows} x {cols}, normalised to [0, {}]", plan.nr);
     out += &format!(", range widened by {}, truth range {}\n", plan.range_margin, plan.truth_range);
     out += &format!("sha256:{}\n", plan.sha256);

@@ -16,7 +16,7 @@ use super::{Projection, Raster};
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use map::Grid;
-use windowed::{Plan, lattice};
+use windowed::{AlignPlan, lattice};
 
 /// Interpolation between pixel centres.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -83,7 +83,7 @@ pub fn onto(source: Named, target: Named, interpolation: Interpolation) -> Resul
     let (view, target_info) = (View::new(source.raster), info(target.raster));
     let (from, to) = ((source.name, &view.info), (target.name, &target_info));
     let (rows, cols) = (target.raster.rows, target.raster.cols);
-    let samples = Plan::new(from, to, interpolation)?.read(&view, Window { row: 0, col: 0, rows, cols })?;
+    let samples = AlignPlan::new(from, to, interpolation)?.read(&view, Window { row: 0, col: 0, rows, cols })?;
     let placed = Raster { rows, cols, samples, georef: target.raster.georef.clone() };
     if placed.valid_count() > 0 {
         return Ok(placed);

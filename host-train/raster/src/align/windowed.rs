@@ -25,7 +25,7 @@ const LATTICE: usize = 65;
 /// A raster on another raster's grid. It is read in windows of the target; only the part of the source under a window is read.
 pub struct Onto {
     source: Arc<dyn Source>,
-    plan: Plan,
+    plan: AlignPlan,
 }
 
 impl Onto {
@@ -41,7 +41,7 @@ impl Onto {
         target_name: &str,
         interpolation: Interpolation,
     ) -> Result<Self> {
-        let plan = Plan::new((source_name, source.info()), (target_name, target), interpolation)?;
+        let plan = AlignPlan::new((source_name, source.info()), (target_name, target), interpolation)?;
         plan.check_overlap((source_name, source.info()), (target_name, target))?;
         Ok(Self { source, plan })
     }
@@ -86,7 +86,7 @@ const EDGE_PX: f64 = 0.55;
 
 /// How a source is resampled on a target.
 #[derive(Debug, Clone)]
-pub(super) struct Plan {
+pub(super) struct AlignPlan {
     map: Map,
     interpolation: Interpolation,
     /// Rows and columns of the source.
@@ -96,7 +96,7 @@ pub(super) struct Plan {
     edge_px: f64,
 }
 
-impl Plan {
+impl AlignPlan {
     pub(super) fn new(
         (source_name, source): (&str, &Info),
         (target_name, target): (&str, &Info),

@@ -1,6 +1,6 @@
 //! Construction of systems. The keys are those that GDAL 3.10 writes.
 
-use super::method::{self, Parameters};
+use super::method::{self, ProjectionParameters};
 use super::{Crs, INLINE, MOON_RADIUS_M, code, key};
 use tiff::tags::Tag;
 
@@ -65,7 +65,7 @@ impl Crs {
     }
 
     /// Makes a system of a projection that `proj4rs` computes, on a sphere.
-    pub(crate) fn ported(radius_m: f64, parameters: Parameters, axes: Axes) -> Self {
+    pub(crate) fn ported(radius_m: f64, parameters: ProjectionParameters, axes: Axes) -> Self {
         let (number, mut of_map) = parameters.keys();
         let (easting, northing) = match number {
             code::LAMBERT_2SP => (key::FALSE_ORIGIN_EASTING, key::FALSE_ORIGIN_NORTHING),

@@ -41,7 +41,7 @@ pub(super) fn name(method: f64) -> Option<&'static str> {
 
 /// A projection that `proj4rs` computes.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) enum Kind {
+pub(crate) enum ProjectionMethod {
     Orthographic,
     TransverseMercator,
     Mercator,
@@ -53,8 +53,8 @@ pub(crate) enum Kind {
 
 /// Its parameters. Those that a kind does not have are 0, and the scale 1.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(crate) struct Parameters {
-    pub(crate) kind: Kind,
+pub(crate) struct ProjectionParameters {
+    pub(crate) kind: ProjectionMethod,
     /// Latitude of the origin.
     pub(crate) lat0_deg: f64,
     /// Central meridian.
@@ -65,9 +65,9 @@ pub(crate) struct Parameters {
     pub(crate) parallels_deg: [f64; 2],
 }
 
-impl Parameters {
+impl ProjectionParameters {
     /// Combines the parameters that most kinds have.
-    pub(crate) fn new(kind: Kind, lat0_deg: f64, lon0_deg: f64, scale: f64) -> Self {
+    pub(crate) fn new(kind: ProjectionMethod, lat0_deg: f64, lon0_deg: f64, scale: f64) -> Self {
         Self { kind, lat0_deg, lon0_deg, scale, parallels_deg: [0.0; 2] }
     }
 
@@ -82,19 +82,19 @@ impl Parameters {
         let new = |kind, scale| Some(Self::new(kind, lat0_deg, lon0_deg, scale));
         let method = crs.number(key::METHOD)?;
         match (method as u16, parallels) {
-            (code::ORTHOGRAPHIC, _) => new(Kind::Orthographic, 1.0),
-            (code::TRANSVERSE_MERCATOR, _) => new(Kind::TransverseMercator, scale),
-            (code::STEREOGRAPHIC | code::OBLIQUE_STEREOGRAPHIC, _) => new(Kind::Stereographic, scale),
-            (code::SINUSOIDAL, _) if lat0_deg == 0.0 => new(Kind::Sinusoidal, 1.0),
-            (code::MERCATOR, [None, _]) if lat0_deg == 0.0 => new(Kind::Mercator, scale),
+            (code::ORTHOGRAPHIC, _) => new(ProjectionMethod::Orthographic, 1.0),
+            (code::TRANSVERSE_MERCATOR, _) => new(ProjectionMethod::TransverseMercator, scale),
+            (code::STEREOGRAPHIC | code::OBLIQUE_STEREOGRAPHIC, _) => new(ProjectionMethod::Stereographic, scale),
+            (code::SINUSOIDAL, _) if lat0_deg == 0.0 => new(ProjectionMethod::Sinusoidal, 1.0),
+            (code::MERCATOR, [None, _]) if lat0_deg == 0.0 => new(ProjectionMethod::Mercator, scale),
             (code::MERCATOR, [Some(lat_ts_deg), _]) if lat0_deg == 0.0 && scale == 1.0 => {
-                new(Kind::Mercator, lat_ts_deg.to_radians().cos())
+                new(ProjectionMethod::Mercator, lat_ts_deg.to_radians().cos())
             }
             (code::LAMBERT_1SP, [a, None]) if a.is_none_or(|a| a == lat0_deg) => {
-                Some(Self { parallels_deg: [lat0_deg; 2], ..new(Kind::LambertConformal, scale)? })
+                Some(Self { parallels_deg: [lat0_deg; 2], ..new(ProjectionMethod::LambertConformal, scale)? })
             }
             (code::LAMBERT_2SP, [Some(a), Some(b)]) if scale == 1.0 => {
-                Some(Self { parallels_deg: [a, b], ..new(Kind::LambertConformal, 1.0)? })
+                Some(Self { parallels_deg: [a, b], ..new(ProjectionMethod::LambertConformal, 1.0)? })
             }
             _ => None,
         }
@@ -105,15 +105,17 @@ impl Parameters {
         let Self { kind, lat0_deg: lat, lon0_deg: lon, scale, parallels_deg: [a, b] } = *self;
         let natural = || vec![(key::NAT_ORIGIN_LON, lon), (key::NAT_ORIGIN_LAT, lat), (key::SCALE, scale)];
         match kind {
-            Kind::Orthographic => (code::ORTHOGRAPHIC, vec![(key::CENTRE_LON, lon), (key::CENTRE_LAT, lat)]),
-            Kind::TransverseMercator => (code::TRANSVERSE_MERCATOR, natural()),
-            Kind::Mercator => (code::MERCATOR, natural()),
-            Kind::Stereographic => {
+            ProjectionMethod::Orthographic => {
+                (code::ORTHOGRAPHIC, vec![(key::CENTRE_LON, lon), (key::CENTRE_LAT, lat)])
+            }
+            ProjectionMethod::TransverseMercator => (code::TRANSVERSE_MERCATOR, natural()),
+            ProjectionMethod::Mercator => (code::MERCATOR, natural()),
+            ProjectionMethod::Stereographic => {
                 (code::STEREOGRAPHIC, vec![(key::CENTRE_LON, lon), (key::CENTRE_LAT, lat), (key::SCALE, scale)])
             }
-            Kind::Sinusoidal => (code::SINUSOIDAL, vec![(key::CENTRE_LON, lon)]),
-            Kind::LambertConformal if self.has_one_parallel() => (code::LAMBERT_1SP, natural()),
-            Kind::LambertConformal => {
+            ProjectionMethod::Sinusoidal => (code::SINUSOIDAL, vec![(key::CENTRE_LON, lon)]),
+            ProjectionMethod::LambertConformal if self.has_one_parallel() => (code::LAMBERT_1SP, natural()),
+            ProjectionMethod::LambertConformal => {
                 let parallels = [(key::STD_PARALLEL_1, a), (key::STD_PARALLEL_2, b)];
                 (
                     code::LAMBERT_2SP,

@@ -1,7 +1,7 @@
 //! Reference systems as users write them on the command line.
 
 use super::build::Axes;
-use super::method::{Kind, Parameters};
+use super::method::{ProjectionMethod, ProjectionParameters};
 use super::{Crs, MOON_RADIUS_M, body};
 use crate::Projection;
 use elunar_base::{Error, Result};
@@ -102,7 +102,7 @@ fn of_wkt(text: &str) -> Result<Crs> {
     Proj::new(&proj).and_then(Proj::crs).map_err(|error| refused(error.to_string()))
 }
 
-/// A PROJ text, parameter by parameter. Parameters that were read are removed, so that unknown ones can be refused.
+/// A PROJ text, parameter by parameter. ProjectionParameters that were read are removed, so that unknown ones can be refused.
 struct Proj<'a> {
     text: &'a str,
     values: BTreeMap<&'a str, &'a str>,
@@ -191,7 +191,7 @@ impl<'a> Proj<'a> {
         let (lat0_deg, lon0_deg) = (self.number("lat_0")?.unwrap_or(0.0), self.number("lon_0")?.unwrap_or(0.0));
         let scale = self.scale()?;
         if lat0_deg.abs() != 90.0 {
-            let parameters = Parameters::new(Kind::Stereographic, lat0_deg, lon0_deg, scale);
+            let parameters = ProjectionParameters::new(ProjectionMethod::Stereographic, lat0_deg, lon0_deg, scale);
             return Ok(Crs::ported(radius_m, parameters, self.axes()?));
         }
         let lat_ts_deg = self.number("lat_ts")?.unwrap_or(lat0_deg);
@@ -213,12 +213,14 @@ impl<'a> Proj<'a> {
                 if self.scale()? != 1.0 || self.number("alpha")?.unwrap_or(0.0) != 0.0 {
                     return Err(self.error("+k_0=1 and +alpha=0 expected"));
                 }
-                Parameters::new(Kind::Orthographic, lat0_deg, lon0_deg, 1.0)
+                ProjectionParameters::new(ProjectionMethod::Orthographic, lat0_deg, lon0_deg, 1.0)
             }
-            "tmerc" => Parameters::new(Kind::TransverseMercator, lat0_deg, lon0_deg, self.scale()?),
+            "tmerc" => {
+                ProjectionParameters::new(ProjectionMethod::TransverseMercator, lat0_deg, lon0_deg, self.scale()?)
+            }
             "sinu" => {
                 on_equator(self)?;
-                Parameters::new(Kind::Sinusoidal, 0.0, lon0_deg, 1.0)
+                ProjectionParameters::new(ProjectionMethod::Sinusoidal, 0.0, lon0_deg, 1.0)
             }
             "merc" => {
                 on_equator(self)?;
@@ -229,7 +231,7 @@ impl<'a> Proj<'a> {
                     (Some(lat_ts_deg), 1.0) if lat_ts_deg.abs() < 90.0 => lat_ts_deg.to_radians().cos(),
                     _ => return Err(self.error("+lat_ts within 90 degrees of the equator, or +k_0, expected")),
                 };
-                Parameters::new(Kind::Mercator, 0.0, lon0_deg, scale)
+                ProjectionParameters::new(ProjectionMethod::Mercator, 0.0, lon0_deg, scale)
             }
             "lcc" => self.lambert(lat0, lon0_deg)?,
             other => {
@@ -241,12 +243,14 @@ impl<'a> Proj<'a> {
     }
 
     /// With one standard parallel, it is the latitude of the origin unless that is stated, as in PROJ.
-    fn lambert(&mut self, lat0: Option<f64>, lon0_deg: f64) -> Result<Parameters> {
+    fn lambert(&mut self, lat0: Option<f64>, lon0_deg: f64) -> Result<ProjectionParameters> {
         let (a, b, scale) = (self.number("lat_1")?.unwrap_or(0.0), self.number("lat_2")?, self.scale()?);
         let lat0_deg = lat0.unwrap_or(if b.is_none() { a } else { 0.0 });
         let parallels_deg = [a, b.unwrap_or(a)];
-        let parameters =
-            Parameters { parallels_deg, ..Parameters::new(Kind::LambertConformal, lat0_deg, lon0_deg, scale) };
+        let parameters = ProjectionParameters {
+            parallels_deg,
+            ..ProjectionParameters::new(ProjectionMethod::LambertConformal, lat0_deg, lon0_deg, scale)
+        };
         if scale != 1.0 && !parameters.has_one_parallel() {
             return Err(self.error("+k_0 only where +lat_1 is +lat_0 expected"));
         }

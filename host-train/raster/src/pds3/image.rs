@@ -4,10 +4,10 @@ use super::super::binary::{Binary, Layout, Meaning, Sample};
 use super::super::source::{Info, Source};
 use super::super::unit::Conversion;
 use super::super::{GeoRef, geotiff};
-use super::label::Block;
+use super::label::LabelBlock;
 use super::pointer::{Found, Pointer, resolve};
 use super::units::{self, Radius};
-use super::value::{Kind, Value};
+use super::value::{Value, ValueKind};
 use super::{Defect, Refusal, place, read_label, sun};
 use elunar_base::{Error, Result, read};
 use elunar_core::tile::Window;
@@ -92,7 +92,7 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
 }
 
 /// Returns a line about keywords without a value, if there are any.
-fn warnings(label: &Block) -> Vec<String> {
+fn warnings(label: &LabelBlock) -> Vec<String> {
     let empty = label.empty();
     let mut names: Vec<String> = empty.iter().map(|item| format!("{} (line {})", item.key, item.line)).collect();
     if names.len() > MOST_NAMED {
@@ -135,7 +135,7 @@ impl Description {
 }
 
 /// Evaluates the whole label before any other file is opened.
-pub(super) fn describe(label: &Block) -> std::result::Result<Description, Refusal> {
+pub(super) fn describe(label: &LabelBlock) -> std::result::Result<Description, Refusal> {
     let Some(found) = Found::in_label(label)? else { return Err(no_image(label)) };
     let record_bytes = match found.nearest("RECORD_BYTES")? {
         Some(item) => Some(whole("RECORD_BYTES", &item.value, item.line)?),
@@ -173,7 +173,7 @@ pub(super) fn describe(label: &Block) -> std::result::Result<Description, Refusa
     })
 }
 
-fn no_image(label: &Block) -> Refusal {
+fn no_image(label: &LabelBlock) -> Refusal {
     if label.block("COMPRESSED_FILE").is_some() {
         let what = "a packed image (COMPRESSED_FILE); unpack it first: gdal_translate -of GTiff FILE.JP2 FILE.tif";
         return Refusal::Unsupported(what.into());
@@ -186,14 +186,14 @@ fn no_image(label: &Block) -> Refusal {
 }
 
 /// Collects the offsets of all other objects in the image's own file.
-fn collect_others(block: &Block, record_bytes: Option<u64>, image: &Pointer, out: &mut Vec<u64>) {
+fn collect_others(block: &LabelBlock, record_bytes: Option<u64>, image: &Pointer, out: &mut Vec<u64>) {
     for item in block.items.iter().filter(|item| item.key.starts_with('^') && item.key != "^IMAGE") {
         out.extend(Pointer::parse(item, record_bytes).ok().filter(|p| p.same_file(image)).map(|p| p.start));
     }
     block.blocks.iter().for_each(|inner| collect_others(inner, record_bytes, image, out));
 }
 
-fn layout(image: &Block, start: u64) -> std::result::Result<Layout, Refusal> {
+fn layout(image: &LabelBlock, start: u64) -> std::result::Result<Layout, Refusal> {
     let count = |key: &str, default: Option<u64>| -> std::result::Result<u64, Defect> {
         match (image.find(key)?, default) {
             (Some(item), _) => whole(key, &item.value, item.line),
@@ -234,7 +234,7 @@ fn layout(image: &Block, start: u64) -> std::result::Result<Layout, Refusal> {
 
 fn whole(key: &str, value: &Value, line: usize) -> std::result::Result<u64, Defect> {
     let number = match value.kind {
-        Kind::Integer(n) | Kind::Based { value: n, .. } => u64::try_from(n).ok(),
+        ValueKind::Integer(n) | ValueKind::Based { value: n, .. } => u64::try_from(n).ok(),
         _ => None,
     };
     number.ok_or_else(|| Defect::at(line, format!("a count as {key} expected, found {:?}", value.kind)))
@@ -242,7 +242,7 @@ fn whole(key: &str, value: &Value, line: usize) -> std::result::Result<u64, Defe
 
 /// Reads SAMPLE_TYPE and SAMPLE_BITS, with the synonyms of the PDS Data Dictionary. Integers of 8 bits are always unsigned: labels of
 /// images up to 255 call them MSB_INTEGER and LSB_INTEGER, and GDAL reads them as unsigned.
-fn sample(image: &Block, bits: u64) -> std::result::Result<(Sample, bool), Refusal> {
+fn sample(image: &LabelBlock, bits: u64) -> std::result::Result<(Sample, bool), Refusal> {
     let item = image.find("SAMPLE_TYPE")?;
     let Some((item, name)) = item.and_then(|item| Some((item, item.value.text()?.to_ascii_uppercase()))) else {
         return Err(Defect::missing("SAMPLE_TYPE of the IMAGE expected, found none").into());
@@ -272,7 +272,7 @@ fn sample(image: &Block, bits: u64) -> std::result::Result<(Sample, bool), Refus
 }
 
 /// Returns the stored numbers that mean "no measurement".
-fn missing(image: &Block, sample: Sample) -> std::result::Result<Vec<f64>, Defect> {
+fn missing(image: &LabelBlock, sample: Sample) -> std::result::Result<Vec<f64>, Defect> {
     let mut missing = Vec::new();
     for item in &image.items {
         let key = item.key.as_str();
@@ -311,8 +311,8 @@ fn stored(value: &Value, sample: Sample) -> Option<f64> {
         return if value.text().is_some() { None } else { stored(&value, sample) };
     }
     match (&value.kind, sample) {
-        (Kind::Based { value, .. }, Sample::F32) => Some(f64::from(f32::from_bits(u32::try_from(*value).ok()?))),
-        (Kind::Based { value, .. }, Sample::F64) => Some(f64::from_bits(u64::try_from(*value).ok()?)),
+        (ValueKind::Based { value, .. }, Sample::F32) => Some(f64::from(f32::from_bits(u32::try_from(*value).ok()?))),
+        (ValueKind::Based { value, .. }, Sample::F64) => Some(f64::from_bits(u64::try_from(*value).ok()?)),
         (_, Sample::F32) => value.number().map(|number| f64::from(number as f32)),
         _ => value.number(),
     }
@@ -326,7 +326,7 @@ struct Relabelled {
 }
 
 impl Relabelled {
-    fn new(path: &Path, data: &Path, label: &Block, description: Description) -> Result<Self> {
+    fn new(path: &Path, data: &Path, label: &LabelBlock, description: Description) -> Result<Self> {
         let tiff = geotiff::open(data)?;
         let Layout { rows, cols, .. } = description.layout;
         let found = tiff.info();

@@ -7,25 +7,25 @@
 
 use super::Defect;
 use super::lexer::{Lexer, Token};
-use super::value::{Kind, Value, classify};
+use super::value::{Value, ValueKind, classify};
 
 /// Greatest depth of nested blocks and sequences. Real labels need four.
 const MOST_NESTING: usize = 32;
 
 /// One level of a label: the label itself, an OBJECT or a GROUP.
 #[derive(Debug, Clone, PartialEq, Default)]
-pub struct Block {
+pub struct LabelBlock {
     /// Name of the OBJECT or GROUP in capitals; empty for the label itself.
     pub name: String,
     /// `KEY = value` in the order of the file.
-    pub items: Vec<Item>,
+    pub items: Vec<LabelItem>,
     /// Blocks within this block, in the order of the file.
-    pub blocks: Vec<Block>,
+    pub blocks: Vec<LabelBlock>,
 }
 
 /// `KEY = value`.
 #[derive(Debug, Clone, PartialEq)]
-pub struct Item {
+pub struct LabelItem {
     /// The keyword in capitals. A pointer begins with `^`.
     pub key: String,
     /// Value of the keyword.
@@ -34,7 +34,7 @@ pub struct Item {
     pub line: usize,
 }
 
-impl Block {
+impl LabelBlock {
     /// Reads a label from the beginning of `bytes` to its `END`, which may be missing.
     ///
     /// # Errors
@@ -47,8 +47,8 @@ impl Block {
 
     /// Returns the keywords without a value, in this block and those within it.
     #[must_use]
-    pub fn empty(&self) -> Vec<&Item> {
-        let here = self.items.iter().filter(|item| item.value.kind == Kind::Empty);
+    pub fn empty(&self) -> Vec<&LabelItem> {
+        let here = self.items.iter().filter(|item| item.value.kind == ValueKind::Empty);
         here.chain(self.blocks.iter().flat_map(Self::empty)).collect()
     }
 
@@ -56,8 +56,8 @@ impl Block {
     ///
     /// # Errors
     /// [`Defect`] if the key is stated twice, with different values.
-    pub fn find(&self, key: &str) -> Result<Option<&Item>, Defect> {
-        let mut stated = self.items.iter().filter(|item| item.key == key && item.value.kind != Kind::Empty);
+    pub fn find(&self, key: &str) -> Result<Option<&LabelItem>, Defect> {
+        let mut stated = self.items.iter().filter(|item| item.key == key && item.value.kind != ValueKind::Empty);
         let first = stated.next();
         if let (Some(first), Some(other)) = (first, stated.find(|item| Some(&item.value) != first.map(|f| &f.value))) {
             let what = format!("one value of {key} expected, found another one than in line {}", first.line);
@@ -68,7 +68,7 @@ impl Block {
 
     /// Returns the first block of that name (in capitals), at any depth.
     #[must_use]
-    pub fn block(&self, name: &str) -> Option<&Block> {
+    pub fn block(&self, name: &str) -> Option<&LabelBlock> {
         self.blocks.iter().find_map(|block| if block.name == name { Some(block) } else { block.block(name) })
     }
 }
@@ -80,7 +80,7 @@ struct Parser<'a> {
 
 impl Parser<'_> {
     /// Reads statements up to the end of the block. `opened` is the line and the word that opened it.
-    fn block(&mut self, block: &mut Block, opened: Option<(usize, &str)>) -> Result<(), Defect> {
+    fn block(&mut self, block: &mut LabelBlock, opened: Option<(usize, &str)>) -> Result<(), Defect> {
         loop {
             let line = self.lexer.line()?;
             let word = match self.lexer.next()? {
@@ -100,10 +100,10 @@ impl Parser<'_> {
                     }
                     self.equals(&word, line)?;
                     let value = match self.is_empty(line)? {
-                        true => Value { kind: Kind::Empty, unit: None },
+                        true => Value { kind: ValueKind::Empty, unit: None },
                         false => self.value(&key, line)?,
                     };
-                    block.items.push(Item { key, value, line });
+                    block.items.push(LabelItem { key, value, line });
                 }
             }
         }
@@ -124,13 +124,13 @@ impl Parser<'_> {
         }
     }
 
-    fn open(&mut self, parent: &mut Block, word: &str, line: usize) -> Result<(), Defect> {
+    fn open(&mut self, parent: &mut LabelBlock, word: &str, line: usize) -> Result<(), Defect> {
         self.equals(word, line)?;
         let value = self.value(word, line)?;
         let Some(name) = value.text() else {
             return Err(Defect::at(line, format!("a name of the {word} expected, found {:?}", value.kind)));
         };
-        let mut block = Block { name: name.to_ascii_uppercase(), ..Block::default() };
+        let mut block = LabelBlock { name: name.to_ascii_uppercase(), ..LabelBlock::default() };
         self.deeper(line)?;
         self.block(&mut block, Some((line, word.trim_start_matches("BEGIN_"))))?;
         self.depth -= 1;
@@ -139,7 +139,13 @@ impl Parser<'_> {
     }
 
     /// Reads the name behind `END_OBJECT` or `END_GROUP`. If given, it must be the block's name.
-    fn close(&mut self, block: &Block, word: &str, line: usize, opened: Option<(usize, &str)>) -> Result<(), Defect> {
+    fn close(
+        &mut self,
+        block: &LabelBlock,
+        word: &str,
+        line: usize,
+        opened: Option<(usize, &str)>,
+    ) -> Result<(), Defect> {
         let Some((opened_line, opened_word)) = opened else {
             return Err(Defect::at(line, format!("an open block expected, found {word}")));
         };
@@ -165,10 +171,10 @@ impl Parser<'_> {
         let kind = match self.lexer.next()? {
             Token::Word(word) if is_reserved(&word) => return Err(missing(&Token::Word(word))),
             Token::Word(word) => classify(&word).map_err(|what| Defect::at(here, what))?,
-            Token::Text(text) => Kind::Text(text),
-            Token::Symbol(text) => Kind::Symbol(text),
-            Token::Mark(b'(') => Kind::Sequence(self.members(key, b')', here)?),
-            Token::Mark(b'{') => Kind::Set(self.members(key, b'}', here)?),
+            Token::Text(text) => ValueKind::Text(text),
+            Token::Symbol(text) => ValueKind::Symbol(text),
+            Token::Mark(b'(') => ValueKind::Sequence(self.members(key, b')', here)?),
+            Token::Mark(b'{') => ValueKind::Set(self.members(key, b'}', here)?),
             other => return Err(missing(&other)),
         };
         let mut ahead = self.lexer;
@@ -219,7 +225,7 @@ impl Parser<'_> {
     }
 }
 
-fn unclosed(block: &Block, opened: Option<(usize, &str)>) -> Result<(), Defect> {
+fn unclosed(block: &LabelBlock, opened: Option<(usize, &str)>) -> Result<(), Defect> {
     match opened {
         None => Ok(()),
         Some((line, word)) => {

@@ -1,6 +1,6 @@
 //! PDS3 images: a text label that describes raw samples, in the same file or beside it.
 //!
-//! [`Block`] is the label as a tree. [`open`] finds the image that a label points at. The image is read in windows, as metres above the
+//! [`LabelBlock`] is the label as a tree. [`open`] finds the image that a label points at. The image is read in windows, as metres above the
 //! sphere, with its georeference.
 
 mod image;
@@ -17,9 +17,9 @@ mod tests;
 
 pub use image::open;
 pub(super) use image::{image_of, open_with};
-pub use label::{Block, Item};
+pub use label::{LabelBlock, LabelItem};
 pub use pointer::label_beside;
-pub use value::{Kind, Value};
+pub use value::{Value, ValueKind};
 
 use elunar_base::{Error, Result, read};
 use std::fmt;
@@ -96,10 +96,10 @@ fn one_line(text: &str) -> String {
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] with the line and the reason if it holds no label.
-pub fn read_label(path: &Path) -> Result<Block> {
+pub fn read_label(path: &Path) -> Result<LabelBlock> {
     let mut bytes = Vec::new();
     read::file(path)?.take(MOST_LABEL_BYTES).read_to_end(&mut bytes).map_err(Error::io(path))?;
-    Block::parse(&bytes).map_err(|defect| defect.of(path))
+    LabelBlock::parse(&bytes).map_err(|defect| defect.of(path))
 }
 
 /// Returns whether a file that begins with `head` has a PDS3 label. Its first keyword is the version of the standard, or it begins with

@@ -1,10 +1,10 @@
 //! IMAGE_MAP_PROJECTION: the georeference of the image.
 
 use super::super::binary::Layout;
-use super::super::crs::{Kind, Parameters};
+use super::super::crs::{ProjectionMethod, ProjectionParameters};
 use super::super::unit::metres_per;
 use super::super::{Axes, Crs, GeoRef};
-use super::label::{Block, Item};
+use super::label::{LabelBlock, LabelItem};
 use super::units::{Radius, finite, length_m, number};
 use super::{Defect, Refusal};
 
@@ -23,7 +23,7 @@ enum Projection {
     },
     /// Of this kind, with its origin at the label's centre.
     Ported {
-        kind: Kind,
+        kind: ProjectionMethod,
         lat0_deg: f64,
     },
 }
@@ -32,7 +32,7 @@ enum Projection {
 ///
 /// LINE_ and SAMPLE_PROJECTION_OFFSET count from the centre of the first pixel to the map's origin. Hence, for the outer corner of that
 /// pixel, x = -(S0 + 1/2) * scale and y = (L0 + 1/2) * scale, in all projections.
-pub(super) fn georef(block: &Block, layout: &Layout) -> Result<GeoRef, Refusal> {
+pub(super) fn georef(block: &LabelBlock, layout: &Layout) -> Result<GeoRef, Refusal> {
     let radius_m = sphere(block)?;
     let projection = projection(block)?;
     refuse_turned(block)?;
@@ -51,11 +51,11 @@ pub(super) fn georef(block: &Block, layout: &Layout) -> Result<GeoRef, Refusal> 
     }
 }
 
-fn required<'a>(block: &'a Block, key: &str) -> Result<&'a Item, Defect> {
+fn required<'a>(block: &'a LabelBlock, key: &str) -> Result<&'a LabelItem, Defect> {
     block.find(key)?.ok_or_else(|| Defect::missing(format!("{key} of the map projection expected, found none")))
 }
 
-fn sphere(block: &Block) -> Result<f64, Refusal> {
+fn sphere(block: &LabelBlock) -> Result<f64, Refusal> {
     let Some(radius) = Radius::of(block)? else {
         return Err(Defect::missing("A_AXIS_RADIUS of the map projection expected, found none").into());
     };
@@ -70,7 +70,7 @@ fn sphere(block: &Block) -> Result<f64, Refusal> {
     Ok(radius.metres)
 }
 
-fn projection(block: &Block) -> Result<Projection, Refusal> {
+fn projection(block: &LabelBlock) -> Result<Projection, Refusal> {
     let item = required(block, "MAP_PROJECTION_TYPE")?;
     let name = item.value.text().unwrap_or("").to_ascii_uppercase().replace('_', " ");
     let lat_deg = number(block, "CENTER_LATITUDE")?.unwrap_or(0.0);
@@ -81,10 +81,10 @@ fn projection(block: &Block) -> Result<Projection, Refusal> {
         "POLAR STEREOGRAPHIC" if lat_deg != 0.0 && lat_deg.abs() <= 90.0 => {
             Ok(Projection::Polar { lat_ts_deg: lat_deg })
         }
-        "ORTHOGRAPHIC" if lat_deg.abs() <= 90.0 => Ok(ported(Kind::Orthographic)),
-        "TRANSVERSE MERCATOR" if lat_deg.abs() < 90.0 => Ok(ported(Kind::TransverseMercator)),
-        "MERCATOR" if lat_deg == 0.0 => Ok(ported(Kind::Mercator)),
-        "SINUSOIDAL" if lat_deg == 0.0 => Ok(ported(Kind::Sinusoidal)),
+        "ORTHOGRAPHIC" if lat_deg.abs() <= 90.0 => Ok(ported(ProjectionMethod::Orthographic)),
+        "TRANSVERSE MERCATOR" if lat_deg.abs() < 90.0 => Ok(ported(ProjectionMethod::TransverseMercator)),
+        "MERCATOR" if lat_deg == 0.0 => Ok(ported(ProjectionMethod::Mercator)),
+        "SINUSOIDAL" if lat_deg == 0.0 => Ok(ported(ProjectionMethod::Sinusoidal)),
         _ => {
             let read = "equirectangular, polar stereographic (centre off the equator), orthographic, transverse Mercator, \
                         and simple cylindrical, Mercator and sinusoidal (centre on the equator) are read";
@@ -96,7 +96,7 @@ fn projection(block: &Block) -> Result<Projection, Refusal> {
     }
 }
 
-fn refuse_turned(block: &Block) -> Result<(), Refusal> {
+fn refuse_turned(block: &LabelBlock) -> Result<(), Refusal> {
     let turned = number(block, "MAP_PROJECTION_ROTATION")?.unwrap_or(0.0);
     if turned % 360.0 != 0.0 {
         return Err(Refusal::Unsupported(format!("MAP_PROJECTION_ROTATION {turned}; 0 expected")));
@@ -110,7 +110,7 @@ fn refuse_turned(block: &Block) -> Result<(), Refusal> {
 
 /// Returns metres per pixel: MAP_SCALE, in kilometres per pixel unless its unit says otherwise, or else MAP_RESOLUTION in pixels per
 /// degree.
-fn scale_m(block: &Block, radius_m: f64) -> Result<f64, Defect> {
+fn scale_m(block: &LabelBlock, radius_m: f64) -> Result<f64, Defect> {
     let by_scale = block.find("MAP_SCALE")?.map(|item| -> Result<f64, Defect> {
         let unit = item.value.unit.as_deref().unwrap_or("km/pix");
         let metres = unit.split('/').next().and_then(metres_per).ok_or_else(|| {
@@ -135,7 +135,7 @@ fn scale_m(block: &Block, radius_m: f64) -> Result<f64, Defect> {
 
 /// Refuses offsets with the wrong sign, which some products have. Their stated latitude shows it. The stated latitude may be that of the
 /// valid samples only, so a tenth of the image is allowed.
-fn check_latitude(block: &Block, top_m: f64, scale_m: f64, radius_m: f64, rows: usize) -> Result<(), Defect> {
+fn check_latitude(block: &LabelBlock, top_m: f64, scale_m: f64, radius_m: f64, rows: usize) -> Result<(), Defect> {
     let Some(stated_deg) = number(block, "MAXIMUM_LATITUDE")? else { return Ok(()) };
     let found_deg = (top_m / radius_m).to_degrees();
     let pixel_deg = (scale_m / radius_m).to_degrees();
@@ -155,7 +155,7 @@ fn crs(projection: Projection, lon0_deg: f64, radius_m: f64) -> Crs {
         }
         Projection::Polar { lat_ts_deg } => Crs::polar_stereographic(radius_m, lat_ts_deg, 1.0, lon0_deg, Axes::PLAIN),
         Projection::Ported { kind, lat0_deg } => {
-            Crs::ported(radius_m, Parameters::new(kind, lat0_deg, lon0_deg, 1.0), Axes::PLAIN)
+            Crs::ported(radius_m, ProjectionParameters::new(kind, lat0_deg, lon0_deg, 1.0), Axes::PLAIN)
         }
     }
 }

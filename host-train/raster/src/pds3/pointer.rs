@@ -1,7 +1,7 @@
 //! `^IMAGE`: the file, and the offset in it.
 
-use super::label::{Block, Item};
-use super::value::{Kind, Value};
+use super::label::{LabelBlock, LabelItem};
+use super::value::{Value, ValueKind};
 use super::{Defect, one_line, read_label};
 use elunar_base::{Error, Result, folder_of};
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ pub(super) struct Pointer {
 impl Pointer {
     /// Reads the five forms: `n`, `n <BYTES>`, `"F"`, `("F", n)`, `("F", n <BYTES>)`. Records and bytes are counted from 1. A record has
     /// `record_bytes` bytes.
-    pub(super) fn parse(item: &Item, record_bytes: Option<u64>) -> std::result::Result<Self, Defect> {
+    pub(super) fn parse(item: &LabelItem, record_bytes: Option<u64>) -> std::result::Result<Self, Defect> {
         let members = item.value.members();
         let (file, place) = match members {
             [file] if file.text().is_some() => (file.text(), None),
@@ -38,10 +38,12 @@ impl Pointer {
         }
     }
 
-    fn start(item: &Item, place: &Value, record_bytes: Option<u64>) -> std::result::Result<u64, Defect> {
+    fn start(item: &LabelItem, place: &Value, record_bytes: Option<u64>) -> std::result::Result<u64, Defect> {
         let refuse = |what: String| Defect::at(item.line, what);
         let count = match place.kind {
-            Kind::Integer(n) | Kind::Based { value: n, .. } => u64::try_from(n).ok().and_then(|n| n.checked_sub(1)),
+            ValueKind::Integer(n) | ValueKind::Based { value: n, .. } => {
+                u64::try_from(n).ok().and_then(|n| n.checked_sub(1))
+            }
             _ => None,
         };
         let Some(count) = count else {
@@ -62,13 +64,13 @@ impl Pointer {
 
 /// An image's pointer and the blocks around it, innermost first. Sizes and names are stated near their pointer.
 pub(super) struct Found<'a> {
-    pub(super) item: &'a Item,
-    pub(super) around: Vec<&'a Block>,
+    pub(super) item: &'a LabelItem,
+    pub(super) around: Vec<&'a LabelBlock>,
 }
 
 impl<'a> Found<'a> {
     /// Finds the first `^IMAGE` that points at plain samples. A COMPRESSED_FILE object describes the same image in compressed form.
-    pub(super) fn in_label(label: &'a Block) -> std::result::Result<Option<Self>, Defect> {
+    pub(super) fn in_label(label: &'a LabelBlock) -> std::result::Result<Option<Self>, Defect> {
         if label.name == "COMPRESSED_FILE" {
             return Ok(None);
         }
@@ -85,7 +87,7 @@ impl<'a> Found<'a> {
     }
 
     /// Returns the item of `key` in the nearest block around the pointer that states it.
-    pub(super) fn nearest(&self, key: &str) -> std::result::Result<Option<&'a Item>, Defect> {
+    pub(super) fn nearest(&self, key: &str) -> std::result::Result<Option<&'a LabelItem>, Defect> {
         for block in &self.around {
             if let Some(item) = block.find(key)? {
                 return Ok(Some(item));
@@ -95,7 +97,7 @@ impl<'a> Found<'a> {
     }
 
     /// Returns the nearest `OBJECT` of that name.
-    pub(super) fn object(&self, name: &str) -> Option<&'a Block> {
+    pub(super) fn object(&self, name: &str) -> Option<&'a LabelBlock> {
         self.around
             .iter()
             .find_map(|block| block.blocks.iter().find(|inner| inner.name == name).or_else(|| block.block(name)))

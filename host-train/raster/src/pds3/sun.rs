@@ -1,7 +1,7 @@
 //! The Sun's direction in a label.
 
 use super::super::sun::StatedSun;
-use super::label::{Block, Item};
+use super::label::{LabelBlock, LabelItem};
 
 /// Returns the Sun that a label states.
 ///
@@ -10,7 +10,7 @@ use super::label::{Block, Item};
 ///   of its right edge (PDS3 Data Dictionary). It holds for the camera's frame, so it is left out for a map-projected image (`mapped`).
 ///
 /// A keyword may stand in any block; the first one counts. One in another unit than degrees is left out.
-pub(super) fn stated(label: &Block, mapped: bool) -> StatedSun {
+pub(super) fn stated(label: &LabelBlock, mapped: bool) -> StatedSun {
     let angle = |key: &str| first(label, key).and_then(degrees);
     StatedSun {
         azimuth_deg: angle("SUB_SOLAR_AZIMUTH").filter(|_| !mapped).map(|deg| (deg + 90.0).rem_euclid(360.0)),
@@ -18,12 +18,12 @@ pub(super) fn stated(label: &Block, mapped: bool) -> StatedSun {
     }
 }
 
-fn first<'a>(block: &'a Block, key: &str) -> Option<&'a Item> {
+fn first<'a>(block: &'a LabelBlock, key: &str) -> Option<&'a LabelItem> {
     let here = block.items.iter().find(|item| item.key == key && !item.value.is_absent());
     here.or_else(|| block.blocks.iter().find_map(|inner| first(inner, key)))
 }
 
-fn degrees(item: &Item) -> Option<f64> {
+fn degrees(item: &LabelItem) -> Option<f64> {
     let unit = item.value.unit.as_deref().unwrap_or("DEG").trim().to_ascii_uppercase();
     item.value.number().filter(|_| unit.starts_with("DEG"))
 }
@@ -33,7 +33,7 @@ mod tests {
     use super::*;
 
     fn sun(text: &str, mapped: bool) -> (Option<f64>, Option<f64>) {
-        let found = stated(&Block::parse(text.as_bytes()).unwrap(), mapped);
+        let found = stated(&LabelBlock::parse(text.as_bytes()).unwrap(), mapped);
         (found.azimuth_deg, found.elevation_deg)
     }
 

@@ -2,7 +2,7 @@
 
 use super::super::unit::{Conversion, conversion, metres_per};
 use super::Defect;
-use super::label::{Block, Item};
+use super::label::{LabelBlock, LabelItem};
 
 /// Radius of the body's sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -12,7 +12,7 @@ pub(super) struct Radius {
 
 impl Radius {
     /// Reads A_AXIS_RADIUS, in kilometres unless its unit says otherwise; `None` without one.
-    pub(super) fn of(projection: &Block) -> Result<Option<Self>, Defect> {
+    pub(super) fn of(projection: &LabelBlock) -> Result<Option<Self>, Defect> {
         let Some(item) = projection.find("A_AXIS_RADIUS")? else { return Ok(None) };
         let metres = length_m(item, "km")?;
         if metres > 0.0 {
@@ -23,7 +23,7 @@ impl Radius {
 }
 
 /// Returns a length in metres. `default` is the unit if none is stated.
-pub(super) fn length_m(item: &Item, default: &str) -> Result<f64, Defect> {
+pub(super) fn length_m(item: &LabelItem, default: &str) -> Result<f64, Defect> {
     let unit = item.value.unit.as_deref().unwrap_or(default);
     let metres = metres_per(unit).ok_or_else(|| {
         Defect::at(item.line, format!("{} in metres or kilometres expected, found <{unit}>", item.key))
@@ -32,19 +32,19 @@ pub(super) fn length_m(item: &Item, default: &str) -> Result<f64, Defect> {
 }
 
 /// Returns a finite number.
-pub(super) fn finite(item: &Item) -> Result<f64, Defect> {
+pub(super) fn finite(item: &LabelItem) -> Result<f64, Defect> {
     let refuse = || Defect::at(item.line, format!("a number as {} expected, found {:?}", item.key, item.value.kind));
     item.value.number().filter(|v| v.is_finite()).ok_or_else(refuse)
 }
 
 /// Returns a number that may be missing.
-pub(super) fn number(block: &Block, key: &str) -> Result<Option<f64>, Defect> {
+pub(super) fn number(block: &LabelBlock, key: &str) -> Result<Option<f64>, Defect> {
     block.find(key)?.map(finite).transpose()
 }
 
 /// Returns the unit of the samples as the label states it, and the conversion of stored numbers. The unit is that of UNIT; without one, that of
 /// SCALING_FACTOR or else of OFFSET. A SCALING_FACTOR or OFFSET in another unit of length is converted to it.
-pub(super) fn heights(image: &Block, radius: Option<Radius>) -> Result<(Option<String>, Conversion), Defect> {
+pub(super) fn heights(image: &LabelBlock, radius: Option<Radius>) -> Result<(Option<String>, Conversion), Defect> {
     let (factor, constant) = (Quantity::of(image, "SCALING_FACTOR", 1.0)?, Quantity::of(image, "OFFSET", 0.0)?);
     if factor.value == 0.0 {
         return Err(Defect::missing("a SCALING_FACTOR other than 0 expected, found 0"));
@@ -63,7 +63,7 @@ struct Quantity<'a> {
 
 impl<'a> Quantity<'a> {
     /// Reads a keyword. Its unit may be a length or a length per stored number: `<KM>`, `<M/DN>`.
-    fn of(image: &'a Block, key: &str, default: f64) -> Result<Self, Defect> {
+    fn of(image: &'a LabelBlock, key: &str, default: f64) -> Result<Self, Defect> {
         let Some(item) = image.find(key)? else { return Ok(Self { value: default, length: None }) };
         let unit = item.value.unit.as_deref().and_then(|unit| unit.split('/').next());
         Ok(Self { value: finite(item)?, length: unit.filter(|unit| metres_per(unit).is_some()) })

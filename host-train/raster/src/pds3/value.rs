@@ -6,14 +6,14 @@ use std::fmt;
 #[derive(Debug, Clone, PartialEq)]
 pub struct Value {
     /// The value itself.
-    pub kind: Kind,
+    pub kind: ValueKind,
     /// The text in angle brackets behind the value, verbatim: `KM`, `METERS/PIXEL`.
     pub unit: Option<String>,
 }
 
 /// Kinds of values in PVL.
 #[derive(Debug, Clone, PartialEq)]
-pub enum Kind {
+pub enum ValueKind {
     /// A decimal integer.
     Integer(i128),
     /// `2#1010#`, `16#FF7FFFFB#`. A separate kind, because for real samples such a number is a bit pattern.
@@ -44,8 +44,8 @@ impl Value {
     #[must_use]
     pub fn number(&self) -> Option<f64> {
         match self.kind {
-            Kind::Integer(value) | Kind::Based { value, .. } => Some(value as f64),
-            Kind::Real(value) => Some(value),
+            ValueKind::Integer(value) | ValueKind::Based { value, .. } => Some(value as f64),
+            ValueKind::Real(value) => Some(value),
             _ => None,
         }
     }
@@ -54,7 +54,7 @@ impl Value {
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         match &self.kind {
-            Kind::Text(text) | Kind::Symbol(text) => Some(text.trim()),
+            ValueKind::Text(text) | ValueKind::Symbol(text) => Some(text.trim()),
             _ => None,
         }
     }
@@ -63,7 +63,7 @@ impl Value {
     #[must_use]
     pub fn is_absent(&self) -> bool {
         let absent = ["N/A", "NA", "UNK", "NULL", "NONE", "NOT APPLICABLE", "UNKNOWN", ""];
-        self.kind == Kind::Empty
+        self.kind == ValueKind::Empty
             || self.text().is_some_and(|text| absent.iter().any(|word| text.eq_ignore_ascii_case(word)))
     }
 
@@ -71,7 +71,7 @@ impl Value {
     #[must_use]
     pub fn members(&self) -> &[Value] {
         match &self.kind {
-            Kind::Sequence(members) | Kind::Set(members) => members,
+            ValueKind::Sequence(members) | ValueKind::Set(members) => members,
             _ => std::slice::from_ref(self),
         }
     }
@@ -88,47 +88,47 @@ impl fmt::Display for Value {
             write!(f, "{close}")
         };
         match &self.kind {
-            Kind::Integer(value) => write!(f, "{value}")?,
-            Kind::Based { radix, value } => write!(f, "{value} (stated to base {radix})")?,
-            Kind::Real(value) => write!(f, "{value}")?,
-            Kind::Time(text) => f.write_str(text)?,
-            Kind::Text(text) | Kind::Symbol(text) => {
+            ValueKind::Integer(value) => write!(f, "{value}")?,
+            ValueKind::Based { radix, value } => write!(f, "{value} (stated to base {radix})")?,
+            ValueKind::Real(value) => write!(f, "{value}")?,
+            ValueKind::Time(text) => f.write_str(text)?,
+            ValueKind::Text(text) | ValueKind::Symbol(text) => {
                 f.write_str(&text.split_whitespace().collect::<Vec<_>>().join(" "))?;
             }
-            Kind::Sequence(members) => list(f, '(', members, ')')?,
-            Kind::Set(members) => list(f, '{', members, '}')?,
-            Kind::Empty => {}
+            ValueKind::Sequence(members) => list(f, '(', members, ')')?,
+            ValueKind::Set(members) => list(f, '{', members, '}')?,
+            ValueKind::Empty => {}
         }
         self.unit.as_ref().map_or(Ok(()), |unit| write!(f, " <{unit}>"))
     }
 }
 
 /// Returns the meaning of an unquoted word, or the reason why it has none.
-pub(super) fn classify(word: &str) -> Result<Kind, String> {
+pub(super) fn classify(word: &str) -> Result<ValueKind, String> {
     if word.contains('#') {
         return based(word);
     }
     let digits = word.strip_prefix(['+', '-']).unwrap_or(word);
     if !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit()) {
-        return Ok(word.parse().map_or_else(|_| Kind::Real(word.parse().unwrap_or(f64::NAN)), Kind::Integer));
+        return Ok(word.parse().map_or_else(|_| ValueKind::Real(word.parse().unwrap_or(f64::NAN)), ValueKind::Integer));
     }
     let numeric = |b: u8| b.is_ascii_digit() || b"+-.eE".contains(&b);
     if digits.starts_with(|c: char| c.is_ascii_digit() || c == '.')
         && word.bytes().all(numeric)
         && let Ok(value) = word.parse()
     {
-        return Ok(Kind::Real(value));
+        return Ok(ValueKind::Real(value));
     }
     if is_time(word) {
-        return Ok(Kind::Time(word.into()));
+        return Ok(ValueKind::Time(word.into()));
     }
     if word.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_') {
-        return Ok(Kind::Symbol(word.into()));
+        return Ok(ValueKind::Symbol(word.into()));
     }
     Err(format!("a value expected, found {word:?}"))
 }
 
-fn based(word: &str) -> Result<Kind, String> {
+fn based(word: &str) -> Result<ValueKind, String> {
     let refuse = || format!("an integer such as 16#FF# expected, found {word:?}");
     let (negative, rest) = match word.strip_prefix(['+', '-']) {
         Some(rest) => (word.starts_with('-'), rest),
@@ -138,7 +138,7 @@ fn based(word: &str) -> Result<Kind, String> {
     let digits = digits.strip_suffix('#').ok_or_else(refuse)?;
     let radix = radix.parse().ok().filter(|radix| (2..=16).contains(radix)).ok_or_else(refuse)?;
     let value = i128::from_str_radix(digits, radix).map_err(|_| refuse())?;
-    Ok(Kind::Based { radix, value: if negative { -value } else { value } })
+    Ok(ValueKind::Based { radix, value: if negative { -value } else { value } })
 }
 
 /// Returns whether the word is `date`, `time` or `dateTtime`. Dates are year-month-day or year-day. Times may end in `Z` or a zone offset.
@@ -196,11 +196,11 @@ mod tests {
 
     #[test]
     fn words_are_told_apart() {
-        let integer = |word: &str| matches!(classify(word), Ok(Kind::Integer(_)));
+        let integer = |word: &str| matches!(classify(word), Ok(ValueKind::Integer(_)));
         assert!(["0", "-89", "+7", "170141183460469231731687303715884105727"].into_iter().all(integer));
-        let real = |word: &str| matches!(classify(word), Ok(Kind::Real(_)));
+        let real = |word: &str| matches!(classify(word), Ok(ValueKind::Real(_)));
         assert!(["0.0", "123.", "+1234.56", "-.9981", "1.5E-3", "1.e5", &"9".repeat(60)].into_iter().all(real));
-        let time = |word: &str| matches!(classify(word), Ok(Kind::Time(_)));
+        let time = |word: &str| matches!(classify(word), Ok(ValueKind::Time(_)));
         let times = [
             "1990-07-04",
             "1990-158",
@@ -211,7 +211,7 @@ mod tests {
             "2001-001T01:10:39.457591+07",
         ];
         assert!(times.into_iter().all(time));
-        let symbol = |word: &str| matches!(classify(word), Ok(Kind::Symbol(_)));
+        let symbol = |word: &str| matches!(classify(word), Ok(ValueKind::Symbol(_)));
         let symbols = [
             "MSB_INTEGER",
             "N/A",
@@ -234,8 +234,8 @@ mod tests {
 
     #[test]
     fn based_integers_have_their_value() {
-        assert_eq!(classify("16#FF7FFFFB#"), Ok(Kind::Based { radix: 16, value: 0xFF7F_FFFB }));
-        assert_eq!(classify("-2#101#"), Ok(Kind::Based { radix: 2, value: -5 }));
-        assert_eq!(classify("16#-4b#"), Ok(Kind::Based { radix: 16, value: -75 }));
+        assert_eq!(classify("16#FF7FFFFB#"), Ok(ValueKind::Based { radix: 16, value: 0xFF7F_FFFB }));
+        assert_eq!(classify("-2#101#"), Ok(ValueKind::Based { radix: 2, value: -5 }));
+        assert_eq!(classify("16#-4b#"), Ok(ValueKind::Based { radix: 16, value: -75 }));
     }
 }

@@ -1,7 +1,7 @@
 //! Projections of `proj4rs`, a port of PROJ, on the sphere.
 
 use super::{NOWHERE, wrapped};
-use crate::crs::{Kind, Parameters};
+use crate::crs::{ProjectionMethod, ProjectionParameters};
 use proj4rs::Proj;
 use proj4rs::transform::transform;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -17,7 +17,7 @@ const ROUNDING_RAD: f64 = 1e-9;
 /// A projection without false origin, in metres.
 #[derive(Clone)]
 pub(super) struct Ported {
-    parameters: Parameters,
+    parameters: ProjectionParameters,
     radius_m: f64,
     /// Longitude and latitude, and the map with its meridian at 0.
     ends: Arc<[Proj; 2]>,
@@ -25,10 +25,10 @@ pub(super) struct Ported {
 
 impl Ported {
     /// Returns `None` for parameters that make no map.
-    pub(super) fn new(radius_m: f64, parameters: Parameters) -> Option<Self> {
-        let Parameters { kind, lat0_deg, lon0_deg, scale, parallels_deg } = parameters;
+    pub(super) fn new(radius_m: f64, parameters: ProjectionParameters) -> Option<Self> {
+        let ProjectionParameters { kind, lat0_deg, lon0_deg, scale, parallels_deg } = parameters;
         let lat_is_sound = match kind {
-            Kind::Stereographic => lat0_deg.abs() < 90.0,
+            ProjectionMethod::Stereographic => lat0_deg.abs() < 90.0,
             _ => lat0_deg.abs() <= 90.0,
         };
         if !(lat_is_sound && lon0_deg.is_finite() && scale.is_finite() && scale > 1e-9) {
@@ -45,24 +45,24 @@ impl Ported {
     }
 
     /// Returns PROJ's name of a kind.
-    pub(super) fn name(kind: Kind) -> &'static str {
+    pub(super) fn name(kind: ProjectionMethod) -> &'static str {
         match kind {
-            Kind::Orthographic => "ortho",
-            Kind::TransverseMercator => "tmerc",
-            Kind::Mercator => "merc",
-            Kind::Stereographic => "stere",
-            Kind::Sinusoidal => "sinu",
-            Kind::LambertConformal => "lcc",
+            ProjectionMethod::Orthographic => "ortho",
+            ProjectionMethod::TransverseMercator => "tmerc",
+            ProjectionMethod::Mercator => "merc",
+            ProjectionMethod::Stereographic => "stere",
+            ProjectionMethod::Sinusoidal => "sinu",
+            ProjectionMethod::LambertConformal => "lcc",
         }
     }
 
-    pub(super) fn parameters(&self) -> &Parameters {
+    pub(super) fn parameters(&self) -> &ProjectionParameters {
         &self.parameters
     }
 
     /// Returns the period of x, metres, of a map that repeats itself.
     pub(super) fn period_m(&self) -> Option<f64> {
-        (self.parameters.kind == Kind::Mercator).then_some(TAU * self.radius_m * self.parameters.scale)
+        (self.parameters.kind == ProjectionMethod::Mercator).then_some(TAU * self.radius_m * self.parameters.scale)
     }
 
     /// Returns x and y, metres; NaN for a point that the map cannot show.
@@ -95,8 +95,8 @@ impl Ported {
 
     /// `lon` counts from the map's meridian; radians.
     fn project(&self, lon: f64, lat: f64) -> (f64, f64) {
-        let Parameters { kind, lat0_deg, scale, .. } = self.parameters;
-        if kind == Kind::TransverseMercator && lon.abs() > FRAC_PI_2 {
+        let ProjectionParameters { kind, lat0_deg, scale, .. } = self.parameters;
+        if kind == ProjectionMethod::TransverseMercator && lon.abs() > FRAC_PI_2 {
             // Beyond the pole, where PROJ goes on and `proj4rs` stops: the mirror image of the near side, since the map continues the meridian.
             let (x, y) = self.project(lon.signum() * PI - lon, lat);
             let half_turn = if lat < 0.0 { -PI } else { PI };

@@ -2,7 +2,7 @@
 
 use super::ported::Ported;
 use super::{Method, Projection};
-use crate::crs::Kind;
+use crate::crs::ProjectionMethod;
 
 impl Projection {
     /// Returns a text of PROJ, which GDAL's programs and [`crate::Crs::parse`] read.
@@ -21,14 +21,16 @@ impl Projection {
                 let (name, [a, b]) = (Ported::name(p.kind), p.parallels_deg);
                 let (lat0, lon0, scale) = (p.lat0_deg, p.lon0_deg, p.scale);
                 match p.kind {
-                    Kind::Sinusoidal => format!("{name} +lon_0={lon0}"),
-                    Kind::Mercator => format!("{name} +lon_0={lon0} +k={scale}"),
-                    Kind::Orthographic => format!("{name} +lat_0={lat0} +lon_0={lon0}"),
-                    Kind::LambertConformal if p.has_one_parallel() => {
+                    ProjectionMethod::Sinusoidal => format!("{name} +lon_0={lon0}"),
+                    ProjectionMethod::Mercator => format!("{name} +lon_0={lon0} +k={scale}"),
+                    ProjectionMethod::Orthographic => format!("{name} +lat_0={lat0} +lon_0={lon0}"),
+                    ProjectionMethod::LambertConformal if p.has_one_parallel() => {
                         format!("{name} +lat_1={a} +lat_0={lat0} +lon_0={lon0} +k_0={scale}")
                     }
-                    Kind::LambertConformal => format!("{name} +lat_1={a} +lat_2={b} +lat_0={lat0} +lon_0={lon0}"),
-                    Kind::TransverseMercator | Kind::Stereographic => {
+                    ProjectionMethod::LambertConformal => {
+                        format!("{name} +lat_1={a} +lat_2={b} +lat_0={lat0} +lon_0={lon0}")
+                    }
+                    ProjectionMethod::TransverseMercator | ProjectionMethod::Stereographic => {
                         format!("{name} +lat_0={lat0} +lon_0={lon0} +k={scale}")
                     }
                 }

@@ -13,7 +13,7 @@ pub(super) const ON_GRID_PX: f64 = 0.1;
 const LARGEST_PX: f64 = 2e9;
 
 /// One DTM of a mosaic.
-pub struct Input {
+pub struct MosaicInput {
     /// Name of the DTM in messages.
     pub name: String,
     /// The heights.
@@ -52,7 +52,7 @@ impl Grid {
     /// # Errors
     /// [`Error::Input`] if a DTM has no georeference, is rotated, or has another reference system than the first; if the spacing is not
     /// positive, the window is empty or touches no DTM, or the mosaic would exceed the largest size.
-    pub fn around(inputs: &[Input], options: GridOptions) -> Result<Self> {
+    pub fn around(inputs: &[MosaicInput], options: GridOptions) -> Result<Self> {
         let first = inputs.first().ok_or_else(|| Error::input("mosaic: at least one DTM expected, none found"))?;
         let place = placed(&first.name, first.source.info())?;
         let t = place.transform;

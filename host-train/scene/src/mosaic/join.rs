@@ -1,6 +1,6 @@
 //! The weighted mean of whole DTMs on different grids.
 
-use super::grid::{Grid, Input, ON_GRID_PX};
+use super::grid::{Grid, MosaicInput, ON_GRID_PX};
 use super::weights::{WeightRules, grassfire};
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
@@ -34,7 +34,7 @@ pub struct JoinRules {
 ///
 /// # Errors
 /// [`Error::Input`] if a DTM's transform has no inverse. Errors of reading the DTMs are passed on.
-pub fn join(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>> {
+pub fn join(inputs: &[MosaicInput], grid: &Grid, rules: &JoinRules) -> Result<Vec<f32>> {
     // With priorities, pixels around the grid influence the weights within it.
     let frame = if rules.priority_px > 0 { Frame::around(inputs, grid, rules) } else { Frame::of(grid) };
     let mut sums = Sums::new(frame.rows * frame.cols);
@@ -69,7 +69,7 @@ impl Frame {
     }
 
     /// Returns the grid and a margin: twice the reach of a weight, since weights are computed twice.
-    fn around(inputs: &[Input], grid: &Grid, rules: &JoinRules) -> Self {
+    fn around(inputs: &[MosaicInput], grid: &Grid, rules: &JoinRules) -> Self {
         let reach = f64::from(2 * rules.reach_px() + rules.priority_px);
         let (mut low, mut high) = ([0.0_f64; 2], [grid.rows as f64, grid.cols as f64]);
         let t = grid.georef.transform;
@@ -143,7 +143,7 @@ struct Part {
 impl Part {
     /// Returns `None` if the DTM, at this place, does not reach the frame.
     fn read(
-        (input, place): (&Input, GeoTransform),
+        (input, place): (&MosaicInput, GeoTransform),
         grid: &Grid,
         frame: &Frame,
         rules: &JoinRules,

@@ -11,7 +11,7 @@ mod overlap;
 mod weights;
 
 pub use blend::Mosaic;
-pub use grid::{Grid, GridOptions, Input};
+pub use grid::{Grid, GridOptions, MosaicInput};
 pub use join::{JoinRules, join};
-pub use overlap::{BLEND, OverlapWeights};
+pub use overlap::{BLEND, TileWeights};
 pub use weights::WeightRules;

@@ -12,12 +12,12 @@ use std::collections::HashMap;
 pub const BLEND: &str = "dem-mosaic";
 
 /// The weights of a scene's tiles. There are at most nine kinds; each is computed once.
-pub struct OverlapWeights {
+pub struct TileWeights {
     scene: Shape,
     made: HashMap<Open, Vec<f64>>,
 }
 
-impl OverlapWeights {
+impl TileWeights {
     /// Makes the weights for tiles of a scene of this shape.
     #[must_use]
     pub fn new(scene: Shape) -> Self {
@@ -58,21 +58,21 @@ mod tests {
     #[test]
     fn weights_are_those_of_the_general_rule() {
         let (scene, tile) = (Shape::new(300, 400), Shape::new(70, 90));
-        let mut weights = OverlapWeights::new(scene);
+        let mut weights = TileWeights::new(scene);
         for (row, col) in [(0, 0), (0, 50), (0, 310), (50, 0), (50, 50), (50, 310), (230, 0), (230, 50), (230, 310)] {
             let window = Window { row, col, rows: tile.rows, cols: tile.cols };
             let expected = cut_from_beyond(tile, Open::of(window, scene));
             // The order of the terms of each sum is the same.
             assert!(weights.of(window) == expected, "{row} {col}");
         }
-        let mut whole = OverlapWeights::new(Shape::new(60, 80));
+        let mut whole = TileWeights::new(Shape::new(60, 80));
         let window = Window { row: 0, col: 0, rows: tile.rows, cols: tile.cols };
         assert!(whole.of(window) == cut_from_beyond(tile, Open::of(window, Shape::new(60, 80))));
     }
 
     #[test]
     fn only_inner_edges_count() {
-        let mut weights = OverlapWeights::new(Shape::new(300, 400));
+        let mut weights = TileWeights::new(Shape::new(300, 400));
         let (rows, cols) = (100, 120);
         let mut at = |row, col| weights.of(Window { row, col, rows, cols }).to_vec();
         let inner = at(50, 60);
@@ -89,7 +89,7 @@ mod tests {
             let (edge, top) = (corner[row * cols + cols - 1], corner[cols - 1]);
             assert!((edge / top - 1.0).abs() < 1e-9 && edge < 1e-2 * corner[row * cols], "{row}: {edge} {top}");
         }
-        let whole = OverlapWeights::new(Shape::new(100, 120)).of(Window { row: 0, col: 0, rows, cols }).to_vec();
+        let whole = TileWeights::new(Shape::new(100, 120)).of(Window { row: 0, col: 0, rows, cols }).to_vec();
         assert!(whole.iter().all(|w| *w == whole[0]));
     }
 }

@@ -1,8 +1,8 @@
 //! Predictions for callers that hold arrays instead of files.
 
-use super::network::Model;
-use super::run::{Options, predict};
-use super::scene::{Input, Scene};
+use super::network::TileModel;
+use super::run::{PredictOptions, predict};
+use super::scene::{NamedRaster, Scene};
 use elunar_base::{Error, Result};
 use elunar_raster::{Crs, GeoRef, Raster};
 use ndarray::{Array2, ArrayView2};
@@ -68,8 +68,8 @@ pub fn predict_array(
     coarse_m: ArrayView2<'_, f32>,
     pixel_m: f32,
     coarse_px: f32,
-    model: &dyn Model,
-    options: &Options,
+    model: &dyn TileModel,
+    options: &PredictOptions,
 ) -> Result<Array2<f32>> {
     let (rows, cols) = image.dim();
     if coarse_m.dim() != (rows, cols) || image.is_empty() {
@@ -88,7 +88,7 @@ pub fn predict_array(
     let georef = GeoRef { transform: [0.0, side_m, 0.0, 0.0, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
     let input = |name: &str, samples: ArrayView2<'_, f32>| {
         let samples = samples.iter().copied().collect();
-        Input::in_memory(name, Raster { rows, cols, samples, georef: Some(georef.clone()) })
+        NamedRaster::in_memory(name, Raster { rows, cols, samples, georef: Some(georef.clone()) })
     };
     let mut scene = Scene::new(input("image", image), input("coarse DTM", coarse_m))?;
     scene.coarse_px = coarse_px;
@@ -116,7 +116,7 @@ mod tests {
         }
     }
 
-    impl Model for Raised {
+    impl TileModel for Raised {
         fn tile(&self) -> Shape {
             Shape::new(32, 48)
         }
@@ -134,8 +134,8 @@ mod tests {
 
     const SHAPE: (usize, usize) = (70, 90);
 
-    fn options() -> Options {
-        Options { overlap_px: 10, threads: 2, ..Options::default() }
+    fn options() -> PredictOptions {
+        PredictOptions { overlap_px: 10, threads: 2, ..PredictOptions::default() }
     }
 
     /// Returns a scene of two rasters, and their samples as arrays.
@@ -148,7 +148,8 @@ mod tests {
         let height = |i: usize| -1900.0 + 40.0 * ((i / 12) as f32).sin() * ((i % 12) as f32 / 3.0).cos();
         let coarse =
             Raster { rows: 12, cols: 12, samples: (0..144).map(height).collect(), georef: place((280.0, 520.0), 30.0) };
-        let scene = Scene::new(Input::in_memory("image", raster), Input::in_memory("coarse", coarse)).unwrap();
+        let scene =
+            Scene::new(NamedRaster::in_memory("image", raster), NamedRaster::in_memory("coarse", coarse)).unwrap();
         let coarse_m = Array2::from_shape_vec(SHAPE, scene.band(0, rows).unwrap().coarse_m).unwrap();
         (scene, image, coarse_m)
     }

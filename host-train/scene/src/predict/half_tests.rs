@@ -1,6 +1,6 @@
 //! What a void or a shadow over half of an image does to the slopes of the other half.
 
-use super::{Input, Options, Scene, int8, predict};
+use super::{NamedRaster, PredictOptions, Scene, int8, predict};
 use elunar_raster::Raster;
 use elunar_synth::{Moon, SynthOptions};
 use std::ops::ControlFlow;
@@ -27,7 +27,7 @@ pub(super) fn slope_error(found: &Raster, truth: &Raster, until: usize) -> f64 {
 #[test]
 fn half_a_void_or_a_shadow_leaves_the_other_half() {
     let nano = int8::open(&std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("../models/nano.eld")).unwrap();
-    let input = |name: &str, raster: &Raster| Input::in_memory(name, raster.clone());
+    let input = |name: &str, raster: &Raster| NamedRaster::in_memory(name, raster.clone());
     for index in 0..4 {
         let made = Moon::new(4711, SynthOptions::default()).unwrap().scene(index, ROWS, COLS).unwrap();
         let (image, coarse, truth) = (made.image_raster(), made.coarse_raster(), made.truth_raster());
@@ -35,7 +35,8 @@ fn half_a_void_or_a_shadow_leaves_the_other_half() {
             let mut image = image.clone();
             image.samples.iter_mut().enumerate().filter(|(i, _)| i % COLS >= COLS / 2).for_each(|(_, v)| *v = hide(*v));
             let scene = Scene::new(input("image", &image), input("coarse DTM", &coarse)).unwrap();
-            let found = predict(&scene, &nano, &Options::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
+            let found =
+                predict(&scene, &nano, &PredictOptions::default(), &mut |_, _| ControlFlow::Continue(())).unwrap();
             slope_error(&found.dtm, &truth, COLS / 2 - 12)
         };
         let whole = error(|v| v);

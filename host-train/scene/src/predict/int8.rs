@@ -1,6 +1,6 @@
 //! An exported model file as a model for the tile loop.
 
-use super::network::{Model, TileNetwork};
+use super::network::{TileModel, TileNetwork};
 use elunar_base::digest::sha256_hex;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
@@ -52,7 +52,7 @@ impl Int8Model {
     }
 }
 
-impl Model for Int8Model {
+impl TileModel for Int8Model {
     fn tile(&self) -> Shape {
         self.model().tile()
     }

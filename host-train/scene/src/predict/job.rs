@@ -3,7 +3,7 @@
 use super::errors::{ErrorsWriter, Origins};
 use super::identity::Identity;
 use super::tile::TileResult;
-use super::{DtmWriter, Part, Progress, Provenance, Scene, Survey, Tally};
+use super::{DtmWriter, PartFile, Provenance, Scene, Survey, Tally, TileProgress};
 use elunar_base::output::Owner;
 use elunar_base::{Result, interrupt, progress};
 use elunar_net::illumination::{LightSource, Lighting};
@@ -28,17 +28,17 @@ pub fn survey(scene: &Scene) -> Result<Survey> {
 /// # Errors
 /// As `make`. The message says where the finished rows are, if there are any.
 pub fn fill(
-    mut part: Part,
+    mut part: PartFile,
     rows: usize,
     owner: &Owner,
-    make: impl FnOnce(usize, Keep, Progress) -> Result<Tally>,
-) -> Result<(Part, Tally)> {
+    make: impl FnOnce(usize, Keep, TileProgress) -> Result<Tally>,
+) -> Result<(PartFile, Tally)> {
     let from = part.rows();
     if from > 0 {
         eprintln!("{}: going on after row {from} of {rows}", part.path().display());
     }
     interrupt::listen();
-    let keep = |part: &mut Part, rows: &[f32]| owner.check().and_then(|()| part.append(rows));
+    let keep = |part: &mut PartFile, rows: &[f32]| owner.check().and_then(|()| part.append(rows));
     match with_progress(("", "tiles"), |progress| make(from, &mut |rows| keep(&mut part, rows), progress)) {
         Ok(tally) => Ok((part, tally)),
         Err(error) if owner.check().is_err() => Err(error),
@@ -63,7 +63,7 @@ pub struct Files<'a> {
     /// The coarse DTM.
     pub coarse: &'a Path,
     /// The file of expected errors to write, and the standard deviation of the coarse DTM's own heights, metres. The rows must have them
-    /// ([`super::Options::layers`]).
+    /// ([`super::PredictOptions::layers`]).
     pub errors: Option<(&'a Path, f32)>,
 }
 
@@ -129,7 +129,7 @@ pub fn finish(
 }
 
 /// Runs work in pieces that Ctrl-C can stop, under a bar with the name of the work and of its pieces.
-fn with_progress<T>((what, unit): (&str, &str), work: impl FnOnce(Progress) -> Result<T>) -> Result<T> {
+fn with_progress<T>((what, unit): (&str, &str), work: impl FnOnce(TileProgress) -> Result<T>) -> Result<T> {
     let bar = progress::bar(what, 0, unit);
     let result = work(&mut |done, all| {
         bar.set_length(all as u64);

@@ -1,7 +1,7 @@
 //! The light of scenes: what voids do to it, and what a user reads of it.
 
 use super::job::light_text;
-use super::{Input, Scene};
+use super::{NamedRaster, Scene};
 use elunar_core::nn::{Illumination, LightSource};
 use elunar_net::illumination::{KnownSun, Light, Lighting};
 use elunar_raster::Raster;
@@ -18,7 +18,7 @@ fn moon(index: u64) -> (Raster, Raster, f64, Light) {
 }
 
 fn fitted(image: &Raster, coarse: &Raster) -> Lighting {
-    let input = |name: &str, raster: &Raster| Input::in_memory(name, raster.clone());
+    let input = |name: &str, raster: &Raster| NamedRaster::in_memory(name, raster.clone());
     let scene = Scene::new(input("image", image), input("coarse DTM", coarse)).unwrap();
     scene.light_for(Illumination::Weighed, KnownSun::default()).unwrap().whole
 }

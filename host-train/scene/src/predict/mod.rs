@@ -1,7 +1,7 @@
 //! Prediction of a scene, tile by tile.
 //!
 //! [`Scene::new`] puts the coarse DTM on the image's grid. [`predict_rows`] cuts the scene into overlapping tiles, runs a
-//! [`network::Model`] on them and joins the heights, one band of rows at a time. [`Part`] keeps finished rows on disk. [`int8`] is the
+//! [`network::TileModel`] on them and joins the heights, one band of rows at a time. [`PartFile`] keeps finished rows on disk. [`int8`] is the
 //! network of a model file. [`predict_array`] does the same for arrays.
 
 mod arrays;
@@ -40,11 +40,11 @@ mod unrelated_tests;
 pub use arrays::predict_array;
 pub use identity::sum_path;
 pub use output::{DtmWriter, Provenance, hillshade_path};
-pub use part::{Part, part_path};
+pub use part::{PartFile, part_path};
 pub(crate) use run::{Cut, TileMaker, make_rows};
-pub use run::{Options, Prediction, Progress, Tally, predict, predict_rows, predict_span};
+pub use run::{PredictOptions, Prediction, Tally, TileProgress, predict, predict_rows, predict_span};
 pub(crate) use scene::{Band, Cutout};
-pub use scene::{Input, Scene};
-pub use survey::{Brightness, Survey};
+pub use scene::{NamedRaster, Scene};
+pub use survey::{ImageBrightness, Survey};
 pub use survey_file::{is_survey, shared_survey, survey_path};
-pub(crate) use tile::Outcome;
+pub(crate) use tile::TileOutcome;

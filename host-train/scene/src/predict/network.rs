@@ -5,7 +5,7 @@ use elunar_core::nn::InputRules;
 use elunar_core::tile::Shape;
 
 /// A loaded model. It is immutable; all threads share it.
-pub trait Model: Sync {
+pub trait TileModel: Sync {
     /// Returns the rows and columns of the model's tile.
     fn tile(&self) -> Shape;
     /// Returns the rules by which tiles are normalised.

@@ -14,14 +14,14 @@ const MAGIC: [u8; 16] = *b"elunar part 1\n\0\0";
 const HEADER_BYTES: u64 = 16 + 32;
 
 /// File of the finished rows, beside the output: `dtm.tif.part` for `dtm.tif`.
-pub struct Part {
+pub struct PartFile {
     path: PathBuf,
     file: File,
     cols: usize,
     rows: usize,
 }
 
-impl Part {
+impl PartFile {
     /// Opens the rows of the same job, or starts a new file. `job` is a text that differs between jobs: inputs, model, options.
     ///
     /// # Errors
@@ -169,7 +169,7 @@ pub fn part_path(output: &Path, folder: Option<&Path>) -> Result<PathBuf> {
 mod tests {
     use super::*;
 
-    fn rows(part: &mut Part) -> Vec<f32> {
+    fn rows(part: &mut PartFile) -> Vec<f32> {
         let mut all = vec![];
         part.read(&mut |rows| {
             all.extend_from_slice(rows);
@@ -183,7 +183,7 @@ mod tests {
     fn the_same_job_goes_on_and_another_begins_anew() {
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("dtm.tif");
-        let mut part = Part::open(&output, "a", 3).unwrap();
+        let mut part = PartFile::open(&output, "a", 3).unwrap();
         assert_eq!((part.rows(), part.path()), (0, folder.path().join("dtm.tif.part").as_path()));
         part.append(&[1.0, 2.0, f32::NAN, 4.0, 5.0, 6.0]).unwrap();
         assert!(part.append(&[1.0]).is_err());
@@ -191,23 +191,23 @@ mod tests {
         drop(part);
         let path = folder.path().join("dtm.tif.part");
         std::fs::OpenOptions::new().append(true).open(&path).unwrap().write_all(&[7; 9]).unwrap();
-        let mut part = Part::open(&output, "a", 3).unwrap();
+        let mut part = PartFile::open(&output, "a", 3).unwrap();
         assert_eq!(part.rows(), 2);
         part.append(&[7.0, 8.0, 9.0]).unwrap();
         let found = rows(&mut part);
         assert!(found[2].is_nan());
         assert_eq!((found.len(), found[5], found[8]), (9, 6.0, 9.0));
         drop(part);
-        assert_eq!(Part::open(&output, "a", 1).unwrap().rows(), 0, "another width is another job");
-        assert_eq!(Part::open(&output, "b", 3).unwrap().rows(), 0);
+        assert_eq!(PartFile::open(&output, "a", 1).unwrap().rows(), 0, "another width is another job");
+        assert_eq!(PartFile::open(&output, "b", 3).unwrap().rows(), 0);
         for (job, cols) in [("a", 3), ("b", 1)] {
-            Part::discard(&path, job, cols).unwrap();
+            PartFile::discard(&path, job, cols).unwrap();
             assert!(path.exists(), "rows of another job are kept");
         }
-        Part::discard(&path, "b", 3).unwrap();
+        PartFile::discard(&path, "b", 3).unwrap();
         assert!(!path.exists());
-        Part::discard(&path, "b", 3).unwrap();
-        Part::open(&output, "b", 3).unwrap().remove().unwrap();
+        PartFile::discard(&path, "b", 3).unwrap();
+        PartFile::open(&output, "b", 3).unwrap().remove().unwrap();
         assert!(!path.exists());
     }
 
@@ -215,9 +215,9 @@ mod tests {
     fn a_successor_goes_on_with_a_copy() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("dtm.tif.part");
-        let mut halted = Part::open_at(path.clone(), "a", 2, false).unwrap();
+        let mut halted = PartFile::open_at(path.clone(), "a", 2, false).unwrap();
         halted.append(&[1.0, 2.0]).unwrap();
-        let mut successor = Part::open_at(path, "a", 2, true).unwrap();
+        let mut successor = PartFile::open_at(path, "a", 2, true).unwrap();
         assert_eq!(successor.rows(), 1);
         successor.append(&[3.0, 4.0]).unwrap();
         halted.append(&[9.0, 9.0, 9.0, 9.0]).unwrap();
@@ -244,12 +244,12 @@ mod tests {
         let (output, part) = (folder.path().join("dtm.tif"), folder.path().join("dtm.tif.part"));
         for bytes in [&b""[..], b"elunar p", &MAGIC, &[0; 500]] {
             std::fs::write(&part, bytes).unwrap();
-            assert_eq!(Part::open(&output, "a", 3).unwrap().rows(), 0);
+            assert_eq!(PartFile::open(&output, "a", 3).unwrap().rows(), 0);
         }
         for bytes in [&b"short"[..], &[9; 500]] {
             std::fs::write(&part, bytes).unwrap();
             for copied in [false, true] {
-                let error = Part::open_at(part.clone(), "a", 3, copied).err().unwrap();
+                let error = PartFile::open_at(part.clone(), "a", 3, copied).err().unwrap();
                 assert!(
                     matches!(&error, Error::Usage(_)) && error.to_string().contains("another file found"),
                     "{error}"

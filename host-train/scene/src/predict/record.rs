@@ -9,7 +9,7 @@ use serde::Serialize;
 
 /// A finished run, for one JSON object.
 #[derive(Debug, Clone, Serialize)]
-pub struct Record {
+pub struct PredictionRecord {
     /// File of the image.
     pub image: String,
     /// File of the coarse DTM.
@@ -63,7 +63,7 @@ pub struct Phases {
     pub write_s: f64,
 }
 
-impl Record {
+impl PredictionRecord {
     /// Returns the record as JSON. What is not a number is `null`.
     ///
     /// # Panics

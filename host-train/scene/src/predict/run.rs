@@ -1,10 +1,10 @@
 //! All tiles of a scene on several threads, joined in a fixed order.
 
 use super::neighbourhoods::{Change, SceneLight};
-use super::network::Model;
+use super::network::TileModel;
 use super::scene::{Band, Scene};
 use super::span::Span;
-use super::tile::{Outcome, Rules, TileResult, TileWorker};
+use super::tile::{Rules, TileOutcome, TileResult, TileWorker};
 use crate::mosaic::Mosaic;
 use elunar_base::{Error, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
@@ -19,8 +19,8 @@ use std::sync::{Arc, Mutex};
 
 /// Options of a prediction.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Options {
-    /// Overlap of neighbouring tiles, pixels; less than either side of a tile. See [`Options::overlap_for`].
+pub struct PredictOptions {
+    /// Overlap of neighbouring tiles, pixels; less than either side of a tile. See [`PredictOptions::overlap_for`].
     pub overlap_px: usize,
     /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]), and of its short waves what the image
     /// shows ([`elunar_core::norm::FineWaves`]); our choice. Otherwise they come from the network (the paper).
@@ -29,11 +29,11 @@ pub struct Options {
     pub threads: usize,
     /// The known parts of the Sun's direction. The unknown parts are fitted to image and coarse DTM. Models for any light do not use it.
     pub sun: KnownSun,
-    /// Whether expected errors are made with the heights ([`Options::layers`]). The model must have weighed maps; otherwise they are NaN.
+    /// Whether expected errors are made with the heights ([`PredictOptions::layers`]). The model must have weighed maps; otherwise they are NaN.
     pub expected_errors: bool,
 }
 
-impl Default for Options {
+impl Default for PredictOptions {
     fn default() -> Self {
         Self {
             overlap_px: INFERENCE_OVERLAP_PX,
@@ -45,7 +45,7 @@ impl Default for Options {
     }
 }
 
-impl Options {
+impl PredictOptions {
     /// Number of maps in a finished row, one after the other: heights, metres; and if wanted the parts of
     /// [`elunar_core::photoclinometry::Errors`].
     #[must_use]
@@ -97,26 +97,31 @@ pub struct Prediction {
 }
 
 /// Receives (tiles done, all tiles) at the start and after each tile, and can stop the run.
-pub type Progress<'a> = &'a mut dyn FnMut(usize, usize) -> ControlFlow<()>;
+pub type TileProgress<'a> = &'a mut dyn FnMut(usize, usize) -> ControlFlow<()>;
 
 /// Predicts a scene as [`predict_rows`] does, in memory: the heights alone.
 ///
 /// # Errors
 /// As [`predict_rows`].
-pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Progress) -> Result<Prediction> {
+pub fn predict(
+    scene: &Scene,
+    model: &dyn TileModel,
+    options: &PredictOptions,
+    progress: TileProgress,
+) -> Result<Prediction> {
     let mut samples = Vec::with_capacity(scene.rows * scene.cols);
     let mut keep = |rows: &[f32]| {
         samples.extend_from_slice(rows);
         Ok(())
     };
-    let options = Options { expected_errors: false, ..*options };
+    let options = PredictOptions { expected_errors: false, ..*options };
     let tally = predict_rows(scene, model, &options, 0, &mut keep, progress)?;
     let dtm = Raster { rows: scene.rows, cols: scene.cols, samples, georef: Some(scene.georef.clone()) };
     Ok(Prediction { dtm, tally })
 }
 
 /// Runs `model` on `scene` from row `from` on. Passes finished rows to `keep` in order: heights in metres, NaN where image or coarse DTM is
-/// invalid, each followed by its other maps if `options` asks for them ([`Options::layers`]). Memory does not depend on the number of rows.
+/// invalid, each followed by its other maps if `options` asks for them ([`PredictOptions::layers`]). Memory does not depend on the number of rows.
 ///
 /// The scene is cut into overlapping tiles ([`Tiling`]). A scene smaller than a tile is extended to the tile's size by its last row and
 /// column. Every tile is mirrored if its light does not come from the model's direction ([`elunar_net::illumination`]), normalised by its
@@ -128,11 +133,11 @@ pub fn predict(scene: &Scene, model: &dyn Model, options: &Options, progress: Pr
 /// scene has both a valid image sample and a valid coarse height; [`Error::Stopped`] if the run was stopped. Errors of the model, the files and `keep` are passed on.
 pub fn predict_rows(
     scene: &Scene,
-    model: &dyn Model,
-    options: &Options,
+    model: &dyn TileModel,
+    options: &PredictOptions,
     from: usize,
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
-    progress: Progress,
+    progress: TileProgress,
 ) -> Result<Tally> {
     check_sun(options.sun)?;
     let light = scene.light_for(model.input_rules().illumination, options.sun)?;
@@ -145,12 +150,12 @@ pub fn predict_rows(
 /// As [`predict_rows`]. [`Error::Usage`] if the scene lacks the rows.
 pub fn predict_span(
     scene: &Scene,
-    model: &dyn Model,
-    options: &Options,
+    model: &dyn TileModel,
+    options: &PredictOptions,
     light: SceneLight,
     span: &Span,
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
-    progress: Progress,
+    progress: TileProgress,
 ) -> Result<Tally> {
     let (whole, change) = (light.whole, light.change());
     let rules = Rules::new(model, light, scene, options);
@@ -192,11 +197,11 @@ pub(crate) trait TileMaker {
     ///
     /// # Errors
     /// Errors of the maker. They end the run.
-    fn make(&mut self, band: &Band, window: Window) -> Result<Outcome>;
+    fn make(&mut self, band: &Band, window: Window) -> Result<TileOutcome>;
 }
 
 impl TileMaker for TileWorker<'_> {
-    fn make(&mut self, band: &Band, window: Window) -> Result<Outcome> {
+    fn make(&mut self, band: &Band, window: Window) -> Result<TileOutcome> {
         self.run(band, window)
     }
 }
@@ -214,7 +219,7 @@ pub(crate) fn make_rows<'a>(
     makers: &'a Makers<'a>,
     span: &Span,
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
-    progress: Progress,
+    progress: TileProgress,
 ) -> Result<Tally> {
     span.check(scene.rows)?;
     let tiling = cut.tiling(scene)?;
@@ -257,7 +262,7 @@ pub(crate) fn make_rows<'a>(
 /// A tile to be made: its number, its window, and the band that holds its rows.
 type Job = (usize, Window, Arc<Band>);
 /// A tile that was made, or the error.
-type Made = (usize, Result<Outcome>);
+type Made = (usize, Result<TileOutcome>);
 
 /// Reads the scene band by band and sends its tiles in reading order.
 fn read(scene: &Scene, tiling: Tiling, tiles: Range<usize>, give: &SyncSender<Job>, send: &SyncSender<Made>) {
@@ -319,7 +324,7 @@ impl Sink<'_> {
         &mut self,
         (before, tiles): (usize, Range<usize>),
         receive: &Receiver<Made>,
-        progress: Progress,
+        progress: TileProgress,
     ) -> Result<()> {
         let mut waiting = BTreeMap::new();
         let (mut done, mut joined, all) = (tiles.start, tiles.start, tiles.end);
@@ -343,15 +348,15 @@ impl Sink<'_> {
         Ok(())
     }
 
-    fn join(&mut self, index: usize, outcome: Outcome) -> Result<()> {
+    fn join(&mut self, index: usize, outcome: TileOutcome) -> Result<()> {
         let Some(window) = self.tiling.get(index) else { return Ok(()) };
         let (maps, weights) = match outcome {
-            Outcome::Predicted { maps, weights } => (maps, weights),
-            Outcome::Coarse { maps, weights } => {
+            TileOutcome::Predicted { maps, weights } => (maps, weights),
+            TileOutcome::Coarse { maps, weights } => {
                 self.tally.tiles_coarse += usize::from(window.row >= self.own_from);
                 (maps, weights)
             }
-            Outcome::Empty => {
+            TileOutcome::Empty => {
                 self.tally.tiles_empty += usize::from(window.row >= self.own_from);
                 return Ok(());
             }

@@ -1,8 +1,8 @@
 //! Input of a prediction: an image and a coarse DTM on one grid, read one band of rows at a time.
 
 use super::neighbourhoods::{Parts, SceneLight};
-use super::run::Progress;
-use super::survey::{Brightness, Survey};
+use super::run::TileProgress;
+use super::survey::{ImageBrightness, Survey};
 use elunar_base::{Error, Result};
 use elunar_core::fill::fill_gaps;
 use elunar_core::nn::Illumination;
@@ -22,14 +22,14 @@ use std::sync::Arc;
 
 /// A raster open for reading, with its name in messages.
 #[derive(Clone)]
-pub struct Input {
+pub struct NamedRaster {
     /// File name, or a description of the raster.
     pub name: String,
     /// The raster.
     pub source: Arc<dyn Source>,
 }
 
-impl Input {
+impl NamedRaster {
     /// Opens an image. A stated system replaces that of the file. Samples stored as `nodata` are invalid, too.
     ///
     /// # Errors
@@ -67,7 +67,7 @@ pub struct Scene {
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    pub(super) image: Input,
+    pub(super) image: NamedRaster,
     pub(super) coarse_name: String,
     pub(super) coarse: Onto,
 }
@@ -107,10 +107,10 @@ impl Scene {
     ///
     /// # Errors
     /// [`Error::Input`] if either has no georeference, their reference systems differ, or a pixel size is unknown.
-    pub fn new(image: Input, coarse: Input) -> Result<Self> {
+    pub fn new(image: NamedRaster, coarse: NamedRaster) -> Result<Self> {
         let georef = place(&image)?.clone();
         place(&coarse)?;
-        let side_m = |input: &Input| input.source.info().side_m(&input.name);
+        let side_m = |input: &NamedRaster| input.source.info().side_m(&input.name);
         let pixel_m = side_m(&image)?;
         let coarse_px = (side_m(&coarse)? / pixel_m) as f32;
         let (rows, cols) = (image.source.info().rows, image.source.info().cols);
@@ -177,9 +177,9 @@ impl Scene {
     ///
     /// # Errors
     /// [`Error::Stopped`] if it does; otherwise as [`Self::survey`].
-    pub fn survey_with(&self, progress: Progress) -> Result<Survey> {
+    pub fn survey_with(&self, progress: TileProgress) -> Result<Survey> {
         let (mut light, mut range) = (LightFit::default(), (f32::INFINITY, f32::NEG_INFINITY));
-        let (mut brightness, mut covered_pixels) = (Brightness::default(), 0);
+        let (mut brightness, mut covered_pixels) = (ImageBrightness::default(), 0);
         let mut contrast = Contrast::default();
         let mut parts = Parts::new(self.coarse_px);
         let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
@@ -220,7 +220,7 @@ impl Scene {
 }
 
 /// Returns the georeference of `input`, which must be complete.
-fn place(input: &Input) -> Result<&GeoRef> {
+fn place(input: &NamedRaster) -> Result<&GeoRef> {
     input.source.info().place(&input.name).map_err(|error| {
         let unnamed = input.source.info().georef.as_ref().is_some_and(|georef| georef.crs.is_empty());
         let hint = if unnamed { "; state one with --image-srs or --coarse-srs" } else { "" };

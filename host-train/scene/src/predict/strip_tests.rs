@@ -2,11 +2,11 @@
 
 use super::int8::{self, Int8Model};
 use super::neighbourhoods::{Parts, SceneLight};
-use super::network::Model;
+use super::network::TileModel;
 use super::run::predict_span;
 use super::span::Span;
 use super::tests::{place, silent};
-use super::{Input, Options, Scene, predict, predict_rows};
+use super::{NamedRaster, PredictOptions, Scene, predict, predict_rows};
 use elunar_core::nn::Runner;
 use elunar_core::photoclinometry::Origin;
 use elunar_core::strip::{
@@ -65,10 +65,11 @@ fn pair(rows: usize, cols: usize) -> (Raster, Raster) {
 }
 
 fn scene((image, coarse): &(Raster, Raster)) -> Scene {
-    Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone())).unwrap()
+    Scene::new(NamedRaster::in_memory("image", image.clone()), NamedRaster::in_memory("coarse DTM", coarse.clone()))
+        .unwrap()
 }
 
-fn settings(scene: &Scene, model: &Int8Model, options: &Options, ring_lines: usize) -> StripSettings {
+fn settings(scene: &Scene, model: &Int8Model, options: &PredictOptions, ring_lines: usize) -> StripSettings {
     StripSettings {
         cols: scene.cols,
         ring_lines,
@@ -131,7 +132,7 @@ fn assert_same(found: &[f32], expected: &[f32], what: &str) {
 }
 
 /// Returns the maps of the ground, one after the other.
-fn errors_on_the_ground(scene: &Scene, model: &Int8Model, options: &Options) -> Vec<Vec<f32>> {
+fn errors_on_the_ground(scene: &Scene, model: &Int8Model, options: &PredictOptions) -> Vec<Vec<f32>> {
     let mut layers = vec![vec![]; options.layers()];
     let mut keep = |rows: &[f32]| {
         for (i, line) in rows.chunks_exact(scene.cols).enumerate() {
@@ -154,7 +155,7 @@ fn a_strip_is_the_mosaic_of_its_tiles() {
         ((200, 250), 300, 50_000_001, true, 100),
     ] {
         let scene = scene(&pair(rows, cols));
-        let options = Options { overlap_px, anchor, sun, expected_errors: true, ..Options::default() };
+        let options = PredictOptions { overlap_px, anchor, sun, expected_errors: true, ..PredictOptions::default() };
         let made = predict(&scene, &model, &options, &mut silent).unwrap();
         let settings = settings(&scene, &model, &options, ring_lines);
         let ((found, heights, slopes, origins), counters) = line_by_line(&scene, &model, settings, budget_macs);
@@ -189,7 +190,7 @@ fn a_strip_is_the_mosaic_of_its_tiles() {
 fn a_strip_under_a_doubtful_light_is_that_of_the_ground() {
     let (model, scene) = (nano(), scene(&pair(300, 330)));
     let sun = KnownSun { azimuth_deg: Some(135.0), elevation_deg: Some(35.0) };
-    let options = Options { sun, ..Options::default() };
+    let options = PredictOptions { sun, ..PredictOptions::default() };
     let sure = settings(&scene, &model, &options, 300);
     let doubtful = StripSettings { light: Lighting { related: 0.37, ..sure.light }, ..sure };
     let [believed, found] = [sure, doubtful].map(|settings| line_by_line(&scene, &model, settings, u64::MAX).0.0);

@@ -17,7 +17,7 @@ pub struct Survey {
     /// What the parts of the scene show of the light.
     pub parts: Parts,
     /// Brightness of the image.
-    pub brightness: Brightness,
+    pub brightness: ImageBrightness,
     /// Valid pixels of the image with a height of the coarse DTM.
     pub covered_pixels: u64,
     /// Lowest valid height of the coarse DTM, metres; infinite without one.
@@ -61,7 +61,7 @@ impl Survey {
 
 /// Brightness of an image's valid pixels.
 #[derive(Debug, Clone, Copy, PartialEq, Default, Serialize, Deserialize)]
-pub struct Brightness {
+pub struct ImageBrightness {
     /// Valid pixels.
     pub pixels: u64,
     sum: f64,
@@ -87,7 +87,7 @@ impl Extreme {
     }
 }
 
-impl Brightness {
+impl ImageBrightness {
     /// Adds pixels; those that are not finite do not count.
     pub fn add(&mut self, image: &[f32]) {
         for &value in image.iter().filter(|value| value.is_finite()) {
@@ -135,7 +135,7 @@ mod tests {
 
     #[test]
     fn extremes_and_contrast_are_counted_over_all_parts() {
-        let mut found = Brightness::default();
+        let mut found = ImageBrightness::default();
         found.add(&[3.0, f32::NAN, 5.0]);
         found.add(&[1.0, 5.0, 1.0, 1.0]);
         assert_eq!((found.pixels, found.lowest(), found.highest()), (6, (1.0, 0.5), (5.0, 2.0 / 6.0)));

@@ -1,6 +1,6 @@
 //! Networks with known output, on scenes with every kind of edge.
 
-use super::network::{Model, TileNetwork};
+use super::network::{TileModel, TileNetwork};
 use super::*;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
@@ -24,7 +24,7 @@ impl Identity {
     }
 }
 
-impl Model for Identity {
+impl TileModel for Identity {
     fn tile(&self) -> Shape {
         self.tile
     }
@@ -67,7 +67,7 @@ struct Answer {
     heights: Vec<f32>,
 }
 
-impl Model for Truth {
+impl TileModel for Truth {
     fn tile(&self) -> Shape {
         self.tile
     }
@@ -127,15 +127,16 @@ pub(super) fn silent(_: usize, _: usize) -> ControlFlow<()> {
 }
 
 fn scene(image: &Raster, coarse: &Raster) -> Scene {
-    Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone())).unwrap()
+    Scene::new(NamedRaster::in_memory("image", image.clone()), NamedRaster::in_memory("coarse DTM", coarse.clone()))
+        .unwrap()
 }
 
 fn whole(scene: &Scene) -> scene::Band {
     scene.band(0, scene.rows).unwrap()
 }
 
-fn options(overlap_px: usize, threads: usize) -> Options {
-    Options { overlap_px, threads, ..Options::default() }
+fn options(overlap_px: usize, threads: usize) -> PredictOptions {
+    PredictOptions { overlap_px, threads, ..PredictOptions::default() }
 }
 
 #[test]
@@ -175,7 +176,7 @@ fn a_network_that_knows_the_truth_returns_it() {
         scale.normalise(&cut(&truth.samples), &mut answer).unwrap();
         answers.push(Answer { image: key, heights: answer });
     }
-    let free = Options { anchor: false, ..options(24, 2) };
+    let free = PredictOptions { anchor: false, ..options(24, 2) };
     let made = predict(&scene, &Truth { tile, answers }, &free, &mut silent).unwrap();
     for (found, expected) in made.dtm.samples.iter().zip(&truth.samples) {
         assert!((found - expected).abs() < 1e-3, "{found} {expected}");
@@ -189,7 +190,7 @@ fn what_the_coarse_dtm_knows_a_network_cannot_change() {
     let scene = scene(&image(100, 120), &coarse());
     let raised = Identity { raised: 3.0, ..Identity::new(TILE, 0.1) };
     let offset_m = |anchor| {
-        let made = predict(&scene, &raised, &Options { anchor, ..options(20, 1) }, &mut silent).unwrap();
+        let made = predict(&scene, &raised, &PredictOptions { anchor, ..options(20, 1) }, &mut silent).unwrap();
         made.dtm.samples.iter().zip(&whole(&scene).coarse_m).map(|(z, c)| (z - c).abs()).fold(0.0, f32::max)
     };
     assert!(offset_m(true) < 1e-3, "{}", offset_m(true));
@@ -279,7 +280,7 @@ struct Faulty {
     output: Option<f32>,
 }
 
-impl Model for Faulty {
+impl TileModel for Faulty {
     fn tile(&self) -> Shape {
         TILE
     }
@@ -339,7 +340,8 @@ fn a_run_begun_anew_at_any_row_makes_the_same_rows() {
 #[test]
 fn inputs_that_do_not_meet_are_refused() {
     let refused = |image: &Raster, coarse: &Raster| {
-        let pair = Scene::new(Input::in_memory("i.tif", image.clone()), Input::in_memory("c.tif", coarse.clone()));
+        let pair =
+            Scene::new(NamedRaster::in_memory("i.tif", image.clone()), NamedRaster::in_memory("c.tif", coarse.clone()));
         let made = pair.and_then(|scene| predict(&scene, &Identity::new(TILE, 0.0), &options(20, 2), &mut silent));
         made.unwrap_err().to_string()
     };

@@ -1,10 +1,10 @@
 //! One tile of a scene, by the job that flight software runs ([`elunar_core::job`]).
 
-use super::Options;
+use super::PredictOptions;
 use super::neighbourhoods::SceneLight;
-use super::network::{Model, TileNetwork};
+use super::network::{TileModel, TileNetwork};
 use super::scene::{Band, Scene};
-use crate::mosaic::OverlapWeights;
+use crate::mosaic::TileWeights;
 use elunar_base::{Error, Result};
 use elunar_core::job::{InputMap, JobError, Made, Network, TileInput, TileJob, TileRules};
 use elunar_core::nn::{InputRules, Progress, TileLight};
@@ -14,7 +14,7 @@ use elunar_core::tile::{Shape, Window};
 use elunar_net::job::{InputMaps, JobMemory};
 
 /// Result of a tile.
-pub(crate) enum Outcome {
+pub(crate) enum TileOutcome {
     /// Maps, and their weights in the mosaic.
     Predicted { maps: TileResult, weights: Vec<f64> },
     /// The image has no contrast or the coarse DTM has no relief here. The network cannot use such a tile, so the coarse heights are kept.
@@ -60,7 +60,7 @@ pub(super) struct Rules {
 
 impl Rules {
     /// Makes the rules for a model, a scene and its light.
-    pub(super) fn new(model: &dyn Model, light: SceneLight, scene: &Scene, options: &Options) -> Self {
+    pub(super) fn new(model: &dyn TileModel, light: SceneLight, scene: &Scene, options: &PredictOptions) -> Self {
         let (input, model) = (model.input_rules(), model.description());
         let (pixel_m, coarse_px) = (scene.pixel_m, scene.coarse_px);
         Self {
@@ -80,12 +80,12 @@ pub(super) struct TileWorker<'a> {
     rules: Rules,
     tile: Shape,
     memory: JobMemory,
-    weights: OverlapWeights,
+    weights: TileWeights,
 }
 
 impl<'a> TileWorker<'a> {
     pub(super) fn new(network: Box<dyn TileNetwork + 'a>, tile: Shape, rules: Rules) -> Self {
-        let weights = OverlapWeights::new(rules.scene);
+        let weights = TileWeights::new(rules.scene);
         let network = Loaded { network, maps: InputMaps::new(&rules.input, tile), output: vec![0.0; tile.pixels()] };
         Self { network, rules, tile, memory: JobMemory::default(), weights }
     }
@@ -94,7 +94,7 @@ impl<'a> TileWorker<'a> {
     ///
     /// # Errors
     /// If the network fails, or returns a height that is not finite or far outside the coarse heights.
-    pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<Outcome> {
+    pub(super) fn run(&mut self, band: &Band, window: Window) -> Result<TileOutcome> {
         let Self { network, rules, tile: shape, memory, .. } = self;
         let [image, coarse_m] = band.tile(window);
         let light = TileLight::Scene(rules.light.of(window));
@@ -112,7 +112,7 @@ impl<'a> TileWorker<'a> {
         };
         while job.prepare(network, &tile, &mut memory, u64::MAX).map_err(fault)? == Progress::Running {}
         if job.made() == Some(Made::Empty) {
-            return Ok(Outcome::Empty);
+            return Ok(TileOutcome::Empty);
         }
         while job.run(network, &mut memory, u64::MAX).map_err(fault)? == Progress::Running {}
         let heights_m = job.heights_m(&memory).to_vec();
@@ -126,8 +126,8 @@ impl<'a> TileWorker<'a> {
         let weight = |(i, &weight): (usize, &f64)| if is_set(valid, i) { weight } else { 0.0 };
         let weights = self.weights.of(window).iter().enumerate().map(weight).collect();
         Ok(match job.made() {
-            Some(Made::Coarse) => Outcome::Coarse { maps, weights },
-            _ => Outcome::Predicted { maps, weights },
+            Some(Made::Coarse) => TileOutcome::Coarse { maps, weights },
+            _ => TileOutcome::Predicted { maps, weights },
         })
     }
 }

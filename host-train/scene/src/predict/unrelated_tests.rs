@@ -1,7 +1,7 @@
 //! An image of other ground than the coarse DTM's: the fitted light is no surer than chance, and the image is hardly taken for this ground's.
 
 use super::untrained::Untrained;
-use super::{Input, Options, Scene, predict};
+use super::{NamedRaster, PredictOptions, Scene, predict};
 use elunar_core::norm::LightEstimate;
 use elunar_synth::{Moon, SynthOptions, SynthScene};
 
@@ -18,7 +18,7 @@ fn scenes(rows: usize, cols: usize) -> Vec<SynthScene> {
 fn pair(image: &SynthScene, ground: &SynthScene) -> Scene {
     let mut coarse = ground.coarse_raster();
     coarse.georef = image.coarse_raster().georef;
-    let input = Input::in_memory;
+    let input = NamedRaster::in_memory;
     Scene::new(input("image", image.image_raster()), input("coarse DTM", coarse)).unwrap()
 }
 
@@ -64,7 +64,7 @@ fn an_image_of_other_ground_adds_little() {
     let all = scenes(200, 256);
     let added_m = |image, ground| {
         let scene = pair(image, ground);
-        let made = predict(&scene, &Untrained, &Options::default(), &mut super::tests::silent).unwrap();
+        let made = predict(&scene, &Untrained, &PredictOptions::default(), &mut super::tests::silent).unwrap();
         let band = scene.band(0, scene.rows).unwrap();
         let square = |(z, coarse): (&f32, &f32)| f64::from(z - coarse).powi(2);
         let squares: Vec<f64> =

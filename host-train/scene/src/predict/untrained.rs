@@ -1,6 +1,6 @@
 //! The pipeline without training: a network that corrects nothing.
 
-use super::network::{Model, TileNetwork};
+use super::network::{TileModel, TileNetwork};
 use elunar_base::Result;
 use elunar_core::nn::InputRules;
 use elunar_core::tile::{Shape, TILE};
@@ -18,7 +18,7 @@ impl Untrained {
         "coarse DTM plus photoclinometry: the pipeline with a network that corrects nothing";
 }
 
-impl Model for Untrained {
+impl TileModel for Untrained {
     fn tile(&self) -> Shape {
         TILE
     }

@@ -1,7 +1,7 @@
 //! The convergence of a whole scene: CSV, picture and JSON.
 
 use super::journal::{LevelLog, StepLog, TileLog};
-use super::settings::Settings;
+use super::settings::SfsSettings;
 use elunar_base::quantile::quantile;
 use elunar_base::table::to_csv;
 use elunar_base::{Error, Result, atomic_write};
@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// One point of the curve: means over all tiles. A tile that has finished the level counts with its last step.
 #[derive(Debug, Clone, Copy, Serialize)]
-pub struct Point {
+pub struct CurvePoint {
     /// Number of steps so far, over all levels. The start of each level counts as one.
     pub step: usize,
     /// Number of times the image was halved.
@@ -37,7 +37,7 @@ pub struct Point {
 
 /// Returns the curve of a scene's tiles.
 #[must_use]
-pub fn curve(tiles: &[TileLog]) -> Vec<Point> {
+pub fn curve(tiles: &[TileLog]) -> Vec<CurvePoint> {
     let depth = tiles.iter().map(|tile| tile.levels.len()).max().unwrap_or(0);
     let mut points = vec![];
     for level in 0..depth {
@@ -47,20 +47,25 @@ pub fn curve(tiles: &[TileLog]) -> Vec<Point> {
             let at = |log: &&LevelLog| log.steps.get(level_step).or(log.steps.last()).copied();
             let steps: Vec<StepLog> = logs.iter().filter_map(at).collect();
             let taking = logs.iter().filter(|log| level_step < log.steps.len()).count();
-            points.push(Point { level: depth - 1 - level, level_step, tiles: taking, ..mean(&steps, points.len()) });
+            points.push(CurvePoint {
+                level: depth - 1 - level,
+                level_step,
+                tiles: taking,
+                ..mean(&steps, points.len())
+            });
         }
     }
     points
 }
 
-fn mean(steps: &[StepLog], step: usize) -> Point {
+fn mean(steps: &[StepLog], step: usize) -> CurvePoint {
     let of = |term: fn(&StepLog) -> f64| steps.iter().map(term).sum::<f64>() / steps.len() as f64;
     let (mut heights, mut slopes) = (HeightErrors::default(), SlopeErrors::default());
     for (height, slope) in steps.iter().filter_map(|s| s.errors.as_ref()) {
         heights.merge(height);
         slopes.merge(slope);
     }
-    Point {
+    CurvePoint {
         step,
         level: 0,
         level_step: 0,
@@ -78,7 +83,7 @@ fn mean(steps: &[StepLog], step: usize) -> Point {
 ///
 /// # Errors
 /// [`Error::Usage`] for another extension or without tiles, [`Error::Io`] if the file cannot be written.
-pub fn write_curve(path: &Path, points: &[Point]) -> Result<()> {
+pub fn write_curve(path: &Path, points: &[CurvePoint]) -> Result<()> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("csv") => atomic_write(path, &csv(points)?),
         Some("png") => atomic_write(path, &png_bytes(&picture(points)?.into())?),
@@ -86,11 +91,11 @@ pub fn write_curve(path: &Path, points: &[Point]) -> Result<()> {
     }
 }
 
-fn csv(points: &[Point]) -> Result<Vec<u8>> {
+fn csv(points: &[CurvePoint]) -> Result<Vec<u8>> {
     let heading =
         ["step", "level", "level_step", "tiles", "cost", "brightness", "smoothness", "dem", "rmse_m", "slope_mae_deg"];
-    let row = |p: &Point| {
-        let Point { step, level, level_step, tiles, .. } = p;
+    let row = |p: &CurvePoint| {
+        let CurvePoint { step, level, level_step, tiles, .. } = p;
         let [step, level, level_step, tiles] = [step, level, level_step, tiles].map(usize::to_string);
         let [cost, brightness, smoothness, dem] =
             [p.cost, p.brightness, p.smoothness, p.dem].map(|term| format!("{term:.9e}"));
@@ -101,8 +106,8 @@ fn csv(points: &[Point]) -> Result<Vec<u8>> {
     to_csv(std::iter::once(heading.map(String::from)).chain(points.iter().map(row)))
 }
 
-fn picture(points: &[Point]) -> Result<image::RgbImage> {
-    let series = |name: &str, value: &dyn Fn(&Point) -> Option<f64>| Series {
+fn picture(points: &[CurvePoint]) -> Result<image::RgbImage> {
+    let series = |name: &str, value: &dyn Fn(&CurvePoint) -> Option<f64>| Series {
         name: name.into(),
         points: points.iter().filter_map(|p| Some((p.step as f64, value(p)?))).collect(),
     };
@@ -128,7 +133,7 @@ pub fn seconds_per_tile(tiles: &[TileLog]) -> Option<(f64, f64, f64)> {
 
 /// Returns all settings and logs of a run as JSON.
 #[must_use]
-pub fn json(settings: &Settings, tiles: &[TileLog]) -> String {
+pub fn json(settings: &SfsSettings, tiles: &[TileLog]) -> String {
     let one = |tile: &TileLog| {
         let finest = tile.levels.last().map(|level| level.steps.as_slice()).unwrap_or_default();
         serde_json::json!({

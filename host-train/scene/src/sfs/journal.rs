@@ -2,7 +2,7 @@
 
 use super::level::Level;
 use super::solver::Step;
-use crate::predict::{Input, Scene};
+use crate::predict::{NamedRaster, Scene};
 use elunar_base::{Error, Result};
 use elunar_core::grid::GridView;
 use elunar_core::metrics::{HeightErrors, SlopeErrors};
@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
 
 /// Collects the logs of all threads.
-pub struct Journal {
+pub struct SfsJournal {
     truth: Option<Onto>,
     /// Rows and columns of the scene.
     scene: (usize, usize),
@@ -94,14 +94,14 @@ impl StepLog {
     }
 }
 
-impl Journal {
+impl SfsJournal {
     /// Makes an empty journal for a scene. With a truth, every step is scored (bilinearly, on the image's grid). The time for this is not
     /// counted as the tile's time.
     ///
     /// # Errors
     /// As [`Onto::new`], for the truth.
-    pub fn new(scene: &Scene, image: &Input, truth: Option<Input>) -> Result<Self> {
-        let onto = |truth: Input| {
+    pub fn new(scene: &Scene, image: &NamedRaster, truth: Option<NamedRaster>) -> Result<Self> {
+        let onto = |truth: NamedRaster| {
             Onto::new(truth.source, &truth.name, image.source.info(), &image.name, Interpolation::Bilinear)
         };
         let truth = truth.map(onto).transpose()?;

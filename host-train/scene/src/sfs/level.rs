@@ -1,6 +1,6 @@
 //! One level of the pyramid: its maps, the cost of a departure from them, and the derivatives of the cost.
 
-use super::reflectance::Light;
+use super::reflectance::SfsLight;
 
 /// Image and coarse DTM at one resolution, row-major.
 #[derive(Debug, Clone)]
@@ -29,7 +29,7 @@ pub(super) struct Level {
 /// differences. Only second differences that lie within the grid count.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub(super) struct Objective {
-    pub(super) light: Light,
+    pub(super) light: SfsLight,
     /// Weight of the second derivatives, metres (second derivatives are per metre).
     pub(super) smoothness_m: f64,
     /// Weight of the departure from the coarse DTM, per metre.
@@ -53,7 +53,7 @@ impl Cost {
 }
 
 /// The quadratic model of the cost around given heights (Gauss–Newton).
-pub(super) struct Model {
+pub(super) struct LevelModel {
     rows: usize,
     cols: usize,
     /// √w A ∂R/∂z across and down, for differences over two pixels.
@@ -120,7 +120,7 @@ impl Objective {
 
     /// Returns the quadratic model around given heights. A is eliminated (variable projection, Kaufman's form): a change of R along R
     /// itself has no cost.
-    pub(super) fn model(&self, level: &Level, heights_m: &[f64], exposure: f64) -> Model {
+    pub(super) fn model(&self, level: &Level, heights_m: &[f64], exposure: f64) -> LevelModel {
         let (rows, cols, count) = (level.rows, level.cols, level.rows * level.cols);
         let (per_col, per_row) = (0.5 / level.col_m, 0.5 / level.row_m);
         let zeros = || vec![0.0; count];
@@ -137,7 +137,7 @@ impl Objective {
             unit.iter_mut().for_each(|u| *u /= length);
         }
         let (bends, dem) = (self.bends(level), self.dem_per_m.powi(2));
-        let mut model = Model {
+        let mut model = LevelModel {
             rows,
             cols,
             across,
@@ -164,7 +164,7 @@ impl Objective {
     }
 }
 
-impl Model {
+impl LevelModel {
     /// Adds the transposed derivative of brightness times `values` to `out`. `values` are 0 on the outermost ring.
     fn scatter(&self, values: &[f64], out: &mut [f64]) {
         let cols = self.cols;
@@ -218,7 +218,7 @@ impl Model {
     }
 }
 
-/// Computes one row of [`Model::scatter`]. `out` holds the row above, the row itself and the row below.
+/// Computes one row of [`LevelModel::scatter`]. `out` holds the row above, the row itself and the row below.
 fn scatter_row(across: &[f64], down: &[f64], values: &[f64], out: &mut [f64], cols: usize) {
     let (above, rest) = out.split_at_mut(cols);
     let (middle, below) = rest.split_at_mut(cols);
@@ -362,7 +362,7 @@ mod tests {
     }
 
     fn objective() -> Objective {
-        Objective { light: Light::new(200.0, 35.0).unwrap(), smoothness_m: 0.7, dem_per_m: 0.2 }
+        Objective { light: SfsLight::new(200.0, 35.0).unwrap(), smoothness_m: 0.7, dem_per_m: 0.2 }
     }
 
     #[test]

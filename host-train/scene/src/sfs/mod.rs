@@ -4,7 +4,7 @@
 //! Sun. The solver finds the heights whose brightness fits the image best. Roughness and departure from the coarse DTM add to the cost
 //! (`level` defines it, in the form of the Ames Stereo Pipeline's `sfs`). Gauss–Newton steps with conjugate gradients minimise the cost
 //! (`solver`), on a pyramid from coarse to fine that starts from the coarse DTM (`pyramid`, `tile`). The albedo is one number per tile.
-//! [`Journal`] records every step.
+//! [`SfsJournal`] records every step.
 
 mod curve;
 mod journal;
@@ -18,13 +18,13 @@ mod tile;
 #[cfg(test)]
 mod tests;
 
-pub use curve::{Point, curve, json, seconds_per_tile, write_curve};
-pub use journal::{Journal, LevelLog, StepLog, TileLog};
-pub use reflectance::{Light, Shade};
-pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, Settings};
+pub use curve::{CurvePoint, curve, json, seconds_per_tile, write_curve};
+pub use journal::{LevelLog, SfsJournal, StepLog, TileLog};
+pub use reflectance::{SfsLight, Shade};
+pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, SfsSettings};
 
 use crate::predict::span::Span;
-use crate::predict::{Cut, Prediction, Progress, Scene, Tally, TileMaker, make_rows};
+use crate::predict::{Cut, Prediction, Scene, Tally, TileMaker, TileProgress, make_rows};
 use elunar_base::{Error, Result};
 use elunar_core::tile::Shape;
 use elunar_raster::Raster;
@@ -33,7 +33,12 @@ use elunar_raster::Raster;
 ///
 /// # Errors
 /// As [`solve_rows`].
-pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Progress) -> Result<Prediction> {
+pub fn solve(
+    scene: &Scene,
+    settings: &SfsSettings,
+    journal: &SfsJournal,
+    progress: TileProgress,
+) -> Result<Prediction> {
     let mut samples = Vec::with_capacity(scene.rows * scene.cols);
     let mut keep = |rows: &[f32]| {
         samples.extend_from_slice(rows);
@@ -52,11 +57,11 @@ pub fn solve(scene: &Scene, settings: &Settings, journal: &Journal, progress: Pr
 /// without a pixel size in metres; [`Error::Stopped`] if the run was stopped. Errors of the files and of `keep` are passed on.
 pub fn solve_rows(
     scene: &Scene,
-    settings: &Settings,
-    journal: &Journal,
+    settings: &SfsSettings,
+    journal: &SfsJournal,
     from: usize,
     keep: &mut dyn FnMut(&[f32]) -> Result<()>,
-    progress: Progress,
+    progress: TileProgress,
 ) -> Result<Tally> {
     settings.light()?;
     let unknown = || Error::input("image: a pixel size in metres expected, none found");

@@ -5,7 +5,7 @@ use elunar_core::terrain::lunar_lambert_weight;
 
 /// Direction to the Sun, and its Lunar–Lambert weight.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub struct Light {
+pub struct SfsLight {
     /// Unit vector towards the Sun: components along columns (east), along rows (south), and up.
     towards: [f64; 3],
     /// The Lunar–Lambert weight L.
@@ -23,7 +23,7 @@ pub struct Shade {
     pub by_south: f64,
 }
 
-impl Light {
+impl SfsLight {
     /// Makes the light from `azimuth_deg` (clockwise from the grid's up) and `elevation_deg` above the horizon. Seen from straight above,
     /// the phase angle is 90° minus the elevation. L is McEwen's polynomial of the phase angle (1991), clamped to [0, 1].
     ///
@@ -89,7 +89,7 @@ mod tests {
         let mut lit = 0;
         for azimuth in [0.0, 37.0, 123.0, 251.0] {
             for elevation in [15.0, 42.0, 80.0] {
-                let light = Light::new(azimuth, elevation).unwrap();
+                let light = SfsLight::new(azimuth, elevation).unwrap();
                 for (east, south) in [(0.0, 0.0), (0.3, -0.1), (-0.4, 0.5), (0.9, 0.2)] {
                     let expected = independent(azimuth, elevation, east, south);
                     if expected > 0.0 {
@@ -104,7 +104,7 @@ mod tests {
 
     #[test]
     fn derivatives_are_those_of_finite_differences_also_across_the_terminator() {
-        let light = Light::new(250.0, 25.0).unwrap();
+        let light = SfsLight::new(250.0, 25.0).unwrap();
         let step = 1e-6;
         let mut dark = 0;
         for i in -12..=12 {
@@ -125,7 +125,7 @@ mod tests {
     #[test]
     fn a_sun_below_the_horizon_is_refused() {
         for (azimuth, elevation) in [(0.0, 0.0), (10.0, -3.0), (0.0, 91.0), (f64::NAN, 30.0), (0.0, f64::NAN)] {
-            let text = Light::new(azimuth, elevation).unwrap_err().to_string();
+            let text = SfsLight::new(azimuth, elevation).unwrap_err().to_string();
             assert!(text.contains("elevation"), "{text}");
         }
     }

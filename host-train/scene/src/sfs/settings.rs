@@ -1,6 +1,6 @@
 //! Options of shape from shading.
 
-use super::reflectance::Light;
+use super::reflectance::SfsLight;
 use elunar_base::{Error, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, TILE_COLS, TILE_ROWS};
 use serde::Serialize;
@@ -13,7 +13,7 @@ pub const DEM_CONSTRAINT_PER_PX: f64 = 0.06;
 
 /// Options of shape from shading. The default weights are the best of a sweep over synthetic scenes (`docs/sfs.md`).
 #[derive(Debug, Clone, Copy, PartialEq, Serialize)]
-pub struct Settings {
+pub struct SfsSettings {
     /// Azimuth of the Sun, degrees clockwise from the grid's up.
     pub sun_azimuth_deg: f64,
     /// Elevation of the Sun above the horizon, degrees, above 0 and at most 90.
@@ -39,7 +39,7 @@ pub struct Settings {
     pub threads: usize,
 }
 
-impl Settings {
+impl SfsSettings {
     /// Returns the default for a Sun and for pixels of `pixel_m` metres. The weights follow from [`SMOOTHNESS_PX`] and
     /// [`DEM_CONSTRAINT_PER_PX`].
     #[must_use]
@@ -63,7 +63,7 @@ impl Settings {
     ///
     /// # Errors
     /// [`Error::Usage`] naming the first setting out of range.
-    pub fn light(&self) -> Result<Light> {
+    pub fn light(&self) -> Result<SfsLight> {
         let positive = |name: &str, value: f64| {
             if value.is_finite() && value > 0.0 {
                 return Ok(());
@@ -82,7 +82,7 @@ impl Settings {
             let found = format!("{levels} and {iterations} found");
             return Err(Error::usage(format!("levels and iterations: at least 1 each expected, {found}")));
         }
-        Light::new(self.sun_azimuth_deg, self.sun_elevation_deg)
+        SfsLight::new(self.sun_azimuth_deg, self.sun_elevation_deg)
     }
 
     /// Returns one line for file metadata.

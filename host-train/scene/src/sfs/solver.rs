@@ -1,7 +1,7 @@
 //! Heights of one level: Gauss–Newton steps with Levenberg–Marquardt damping. Conjugate gradients solve each step.
 
-use super::level::{Cost, Level, Model, Objective, dot};
-use super::settings::Settings;
+use super::level::{Cost, Level, LevelModel, Objective, dot};
+use super::settings::SfsSettings;
 
 /// The equations of a step are solved until their residual has fallen to this share.
 const CG_TOLERANCE: f64 = 0.03;
@@ -33,7 +33,7 @@ pub(super) enum End {
 pub(super) fn solve(
     level: &Level,
     objective: &Objective,
-    settings: &Settings,
+    settings: &SfsSettings,
     heights_m: &mut Vec<f64>,
     mut watch: impl FnMut(&Step, &[f64]),
 ) -> End {
@@ -86,7 +86,7 @@ impl Conjugate {
     }
 
     /// Solves (matrix + damping diagonal) step = -gradient from 0. Returns the number of iterations.
-    fn solve(&mut self, model: &Model, damping: f64) -> usize {
+    fn solve(&mut self, model: &LevelModel, damping: f64) -> usize {
         self.step.fill(0.0);
         for (r, g) in self.residual.iter_mut().zip(&model.gradient) {
             *r = -g;

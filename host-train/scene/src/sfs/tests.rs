@@ -1,7 +1,7 @@
 //! The solver finds hills that were rendered in closed form.
 
 use super::*;
-use crate::predict::Input;
+use crate::predict::NamedRaster;
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
 
@@ -66,9 +66,9 @@ fn coarse() -> Raster {
 }
 
 /// Returns settings with a lower weight of the coarse DTM than the default, because the hills have one albedo and little noise.
-fn settings() -> Settings {
-    let default = Settings::new(SUN.0, SUN.1, PIXEL_M);
-    Settings { tile: (64, 80), overlap_px: 24, threads: 2, dem_constraint_weight_per_m: 0.01, ..default }
+fn settings() -> SfsSettings {
+    let default = SfsSettings::new(SUN.0, SUN.1, PIXEL_M);
+    SfsSettings { tile: (64, 80), overlap_px: 24, threads: 2, dem_constraint_weight_per_m: 0.01, ..default }
 }
 
 struct Found {
@@ -77,10 +77,10 @@ struct Found {
     tiles: Vec<TileLog>,
 }
 
-fn found(image: &Raster, coarse: &Raster, settings: &Settings, from: usize) -> Result<Found> {
-    let image = Input::in_memory("image", image.clone());
-    let scene = Scene::new(image.clone(), Input::in_memory("coarse", coarse.clone()))?;
-    let journal = Journal::new(&scene, &image, Some(Input::in_memory("truth", truth())))?;
+fn found(image: &Raster, coarse: &Raster, settings: &SfsSettings, from: usize) -> Result<Found> {
+    let image = NamedRaster::in_memory("image", image.clone());
+    let scene = Scene::new(image.clone(), NamedRaster::in_memory("coarse", coarse.clone()))?;
+    let journal = SfsJournal::new(&scene, &image, Some(NamedRaster::in_memory("truth", truth())))?;
     let mut dtm = vec![];
     let mut keep = |rows: &[f32]| {
         dtm.extend_from_slice(rows);
@@ -90,7 +90,7 @@ fn found(image: &Raster, coarse: &Raster, settings: &Settings, from: usize) -> R
     Ok(Found { dtm, tally, tiles: journal.tiles() })
 }
 
-fn solved(image: &Raster, coarse: &Raster, settings: &Settings) -> Found {
+fn solved(image: &Raster, coarse: &Raster, settings: &SfsSettings) -> Found {
     found(image, coarse, settings, 0).unwrap()
 }
 
@@ -111,7 +111,8 @@ fn errors(dtm: &[f32]) -> (f64, f64) {
 
 /// Returns the same errors for the coarse DTM.
 fn start_errors() -> (f64, f64) {
-    let scene = Scene::new(Input::in_memory("image", image()), Input::in_memory("coarse", coarse())).unwrap();
+    let scene =
+        Scene::new(NamedRaster::in_memory("image", image()), NamedRaster::in_memory("coarse", coarse())).unwrap();
     errors(&scene.coarse_raster().unwrap().samples)
 }
 
@@ -124,8 +125,8 @@ fn noise(i: usize) -> f64 {
 #[test]
 fn hills_rendered_in_closed_form_are_found() {
     // One tile: neighbours with different errors across the light would have a false slope between them.
-    let weights = Settings { smoothness_weight_m: 0.05, dem_constraint_weight_per_m: 1e-3, ..settings() };
-    let exact = Settings { tile: (ROWS, COLS), tolerance: 1e-6, ..weights };
+    let weights = SfsSettings { smoothness_weight_m: 0.05, dem_constraint_weight_per_m: 1e-3, ..settings() };
+    let exact = SfsSettings { tile: (ROWS, COLS), tolerance: 1e-6, ..weights };
     let (start, found) = (start_errors(), solved(&image(), &coarse(), &exact));
     let (height_m, slope) = errors(&found.dtm);
     eprintln!("coarse {start:.3?}, found {height_m:.3} m, {slope:.4}");
@@ -189,8 +190,8 @@ fn datum_and_exposure_change_nothing() {
 #[test]
 fn threads_and_restarts_change_no_byte() {
     let bits = |dtm: &[f32]| dtm.iter().map(|z| z.to_bits()).collect::<Vec<_>>();
-    let one = solved(&image(), &coarse(), &Settings { threads: 1, ..settings() }).dtm;
-    let three = solved(&image(), &coarse(), &Settings { threads: 3, ..settings() }).dtm;
+    let one = solved(&image(), &coarse(), &SfsSettings { threads: 1, ..settings() }).dtm;
+    let three = solved(&image(), &coarse(), &SfsSettings { threads: 3, ..settings() }).dtm;
     assert_eq!(bits(&one), bits(&three));
     let rest = found(&image(), &coarse(), &settings(), 80).unwrap().dtm;
     assert_eq!(bits(&rest), bits(&one[80 * COLS..]));
@@ -198,7 +199,7 @@ fn threads_and_restarts_change_no_byte() {
 
 #[test]
 fn shadows_and_gaps_count_nothing() {
-    let settings = Settings { shadow_threshold: 0.1, ..settings() };
+    let settings = SfsSettings { shadow_threshold: 0.1, ..settings() };
     let (mut image, plain) = (image(), solved(&image(), &coarse(), &settings).dtm);
     let (shadow, gap) = (40 * COLS + 20, 70 * COLS + 90);
     for i in [shadow, shadow + 1, shadow + COLS] {
@@ -218,7 +219,7 @@ fn without_contrast_the_coarse_dtm_stands() {
     let (mut flat, coarse) = (image(), coarse());
     flat.samples.fill(100.0);
     let found = solved(&flat, &coarse, &settings());
-    let scene = Scene::new(Input::in_memory("image", flat), Input::in_memory("coarse", coarse)).unwrap();
+    let scene = Scene::new(NamedRaster::in_memory("image", flat), NamedRaster::in_memory("coarse", coarse)).unwrap();
     assert_eq!((found.tally.tiles_coarse, found.tiles.len()), (4, 0));
     assert_eq!(found.dtm, scene.coarse_raster().unwrap().samples);
 }
@@ -227,14 +228,14 @@ fn without_contrast_the_coarse_dtm_stands() {
 fn illegal_settings_are_named() {
     let default = settings();
     let cases = [
-        (Settings { smoothness_weight_m: 0.0, ..default }, "smoothness weight"),
-        (Settings { dem_constraint_weight_per_m: f64::NAN, ..default }, "DEM constraint weight"),
-        (Settings { tolerance: -1.0, ..default }, "tolerance"),
-        (Settings { shadow_threshold: 1.0, ..default }, "shadow threshold"),
-        (Settings { levels: 0, ..default }, "levels"),
-        (Settings { iterations: 0, ..default }, "iterations"),
-        (Settings { sun_elevation_deg: -5.0, ..default }, "elevation"),
-        (Settings { overlap_px: 64, ..default }, "overlap"),
+        (SfsSettings { smoothness_weight_m: 0.0, ..default }, "smoothness weight"),
+        (SfsSettings { dem_constraint_weight_per_m: f64::NAN, ..default }, "DEM constraint weight"),
+        (SfsSettings { tolerance: -1.0, ..default }, "tolerance"),
+        (SfsSettings { shadow_threshold: 1.0, ..default }, "shadow threshold"),
+        (SfsSettings { levels: 0, ..default }, "levels"),
+        (SfsSettings { iterations: 0, ..default }, "iterations"),
+        (SfsSettings { sun_elevation_deg: -5.0, ..default }, "elevation"),
+        (SfsSettings { overlap_px: 64, ..default }, "overlap"),
     ];
     for (settings, name) in cases {
         let text = found(&image(), &coarse(), &settings, 0).err().unwrap().to_string();

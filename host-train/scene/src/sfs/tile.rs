@@ -1,12 +1,12 @@
 //! One tile: heights from image and coarse DTM.
 
-use super::journal::{Journal, LevelLog, StepLog, TileLog, errors};
+use super::journal::{LevelLog, SfsJournal, StepLog, TileLog, errors};
 use super::level::{Level, Objective};
 use super::pyramid::{doubled, pyramid};
-use super::settings::Settings;
+use super::settings::SfsSettings;
 use super::solver::{End, solve};
-use crate::mosaic::OverlapWeights;
-use crate::predict::{Band, Cutout, Outcome, TileMaker};
+use crate::mosaic::TileWeights;
+use crate::predict::{Band, Cutout, TileMaker, TileOutcome};
 use elunar_base::Result;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::{Shape, Window};
@@ -15,43 +15,48 @@ use std::time::{Duration, Instant};
 /// Solves tiles on one thread.
 pub(super) struct Solver<'a> {
     objective: Objective,
-    settings: Settings,
+    settings: SfsSettings,
     /// Distance from one row and from one column to the next, metres.
     pixel_m: (f64, f64),
-    weights: OverlapWeights,
-    journal: &'a Journal,
+    weights: TileWeights,
+    journal: &'a SfsJournal,
 }
 
 impl<'a> Solver<'a> {
-    pub(super) fn new(settings: Settings, scene: Shape, pixel_m: (f64, f64), journal: &'a Journal) -> Result<Self> {
+    pub(super) fn new(
+        settings: SfsSettings,
+        scene: Shape,
+        pixel_m: (f64, f64),
+        journal: &'a SfsJournal,
+    ) -> Result<Self> {
         let objective = Objective {
             light: settings.light()?,
             smoothness_m: settings.smoothness_weight_m,
             dem_per_m: settings.dem_constraint_weight_per_m,
         };
-        Ok(Self { objective, settings, pixel_m, weights: OverlapWeights::new(scene), journal })
+        Ok(Self { objective, settings, pixel_m, weights: TileWeights::new(scene), journal })
     }
 }
 
 impl TileMaker for Solver<'_> {
-    fn make(&mut self, band: &Band, window: Window) -> Result<Outcome> {
-        let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(Outcome::Empty) };
+    fn make(&mut self, band: &Band, window: Window) -> Result<TileOutcome> {
+        let Some(Cutout { image, coarse_m, valid }) = band.cut(window) else { return Ok(TileOutcome::Empty) };
         let weigh = |(&weight, &valid): (&f64, &bool)| if valid { weight } else { 0.0 };
         let weights = self.weights.of(window).iter().zip(&valid).map(weigh).collect();
         let truth_m = self.journal.truth(window)?;
-        let maps = Maps { image: &image, coarse_m: &coarse_m, valid: &valid, truth_m: truth_m.as_deref() };
+        let maps = TileMaps { image: &image, coarse_m: &coarse_m, valid: &valid, truth_m: truth_m.as_deref() };
         match self.heights(&maps, window)? {
             Some((heights_m, log)) => {
                 self.journal.add(log);
-                Ok(Outcome::Predicted { maps: heights_m.into(), weights })
+                Ok(TileOutcome::Predicted { maps: heights_m.into(), weights })
             }
-            None => Ok(Outcome::Coarse { maps: coarse_m.into(), weights }),
+            None => Ok(TileOutcome::Coarse { maps: coarse_m.into(), weights }),
         }
     }
 }
 
 /// The maps of a tile, row-major.
-struct Maps<'a> {
+struct TileMaps<'a> {
     image: &'a [f32],
     coarse_m: &'a [f32],
     valid: &'a [bool],
@@ -60,7 +65,7 @@ struct Maps<'a> {
 
 impl Solver<'_> {
     /// Returns the heights, metres; `None` for a tile without contrast.
-    fn heights(&self, maps: &Maps, window: Window) -> Result<Option<(Vec<f32>, TileLog)>> {
+    fn heights(&self, maps: &TileMaps, window: Window) -> Result<Option<(Vec<f32>, TileLog)>> {
         let start = Instant::now();
         let mut watching = Duration::ZERO;
         let Some((finest, lit_px)) = self.finest(maps, window) else { return Ok(None) };
@@ -102,7 +107,7 @@ impl Solver<'_> {
     }
 
     /// Returns the level of the full image, and the number of its pixels with weight.
-    fn finest(&self, maps: &Maps, window: Window) -> Option<(Level, usize)> {
+    fn finest(&self, maps: &TileMaps, window: Window) -> Option<(Level, usize)> {
         let Window { rows, cols, .. } = window;
         let seen = || maps.image.iter().zip(maps.valid).filter(|(_, valid)| **valid).map(|(v, _)| f64::from(*v));
         let mean = seen().sum::<f64>() / seen().count() as f64;

@@ -3,7 +3,7 @@
 mod figures;
 mod page;
 
-use super::compare::Verdict;
+use super::compare::TourVerdict;
 use super::console::{StepTime, say};
 use super::folder::{
     COARSE_SHADE, FIGURES, Folder, IMAGE, NAMES, OVERVIEW, PROFILE, REPORT, RUN, TRUTH_SHADE, error_file,
@@ -12,7 +12,7 @@ use super::infer::Predicted;
 use super::scene::DemoScene;
 use super::shrink::Shrunk;
 use super::tune::{Tuned, curves};
-use super::{Seeds, Settings};
+use super::{Seeds, TourSettings};
 use crate::report::html::Picture;
 use elunar_base::{Error, Result, atomic_write};
 use elunar_picture::{Panel, sheet, write_png};
@@ -21,7 +21,7 @@ use std::path::{Path, PathBuf};
 /// All results of a tour.
 pub(super) struct Story<'a> {
     /// Settings of the tour.
-    pub settings: &'a Settings,
+    pub settings: &'a TourSettings,
     /// The Moons of the tour.
     pub seeds: Seeds,
     /// Result of step 1.
@@ -33,7 +33,7 @@ pub(super) struct Story<'a> {
     /// Results of step 4: without training, float and int8.
     pub predicted: [Predicted; 3],
     /// Result of step 5.
-    pub verdict: Verdict,
+    pub verdict: TourVerdict,
     /// Times of these steps.
     pub times: Vec<StepTime>,
 }

@@ -3,11 +3,11 @@
 use super::{Pictures, Story};
 use crate::demo::console::minutes;
 use crate::demo::folder::{FLOAT_MODEL, INT8_MODEL, NAMES};
-use crate::demo::{SHIPPED_MODEL, Start};
+use crate::demo::{InitialWeights, SHIPPED_MODEL};
 use crate::report::html::{Cell, document, escaped, figure, table};
 use elunar_base::Result;
 use elunar_evaluate::Scores;
-use elunar_learn::train::validate::Scores as TileScores;
+use elunar_learn::train::validate::ValidationScores as TileScores;
 
 /// Returns the report as one HTML document.
 ///
@@ -207,11 +207,11 @@ fn commands(story: &Story) -> String {
     let kind = format!("{:?}", scene.about.kind).to_lowercase();
     let (rows, cols) = (scene.truth.rows, scene.truth.cols);
     let start = match &story.settings.start {
-        Start::Weights(path) if path.as_os_str() == SHIPPED_MODEL => {
+        InitialWeights::Weights(path) if path.as_os_str() == SHIPPED_MODEL => {
             "--start-from host-train/models/nano.safetensors".to_string()
         }
-        Start::Weights(path) => format!("--start-from {}", path.display()),
-        Start::Scratch(_) => "--preset nano".into(),
+        InitialWeights::Weights(path) => format!("--start-from {}", path.display()),
+        InitialWeights::Scratch(_) => "--preset nano".into(),
     };
     let moon =
         format!("--rows 256 --cols 320 --kind {kind} --sun-elevation-deg {} {}", tuned.sun_deg.0, tuned.sun_deg.1);

@@ -12,7 +12,7 @@ use crate::part::{item, put};
 use core::ops::Range;
 
 /// Stands for "none" in the lists below.
-const NOBODY: u16 = u16::MAX;
+const ABSENT: u16 = u16::MAX;
 
 /// A number for every tensor or every operator.
 #[derive(Clone, Copy)]
@@ -29,7 +29,7 @@ impl List {
 }
 
 /// The state of every tensor and operator during the simulation. Some lists serve twice, because the stack is short in flight.
-struct Play<'a, 'm> {
+struct Lifetimes<'a, 'm> {
     model: &'a Model<'m>,
     work: &'a Work,
     /// The operator that writes a tensor. In `run`: number of rows of a tensor that have been written.
@@ -37,26 +37,27 @@ struct Play<'a, 'm> {
     /// First entry that writes a tensor (0 for inputs, which exist before), and last entry that reads or writes it.
     born: List,
     dies: List,
-    /// The tensor that overwrites this one row by row. A row's bytes belong to this tensor until the heir's row is written. In
+    /// The tensor that overwrites this one row by row. A row's bytes belong to this tensor until the successor's row is written. In
     /// `find_lives`: first entry of each operator.
-    heir: List,
+    successor: List,
     /// The tensor that this one overwrites.
-    elder: List,
+    predecessor: List,
     /// Number of finished steps of each operator. In `find_lives`: its last entry.
     done: List,
 }
 
 /// Simulates the schedule of a model whose operators are legal alone.
 pub(super) fn check(model: &Model<'_>, work: &Work) -> Result<(), ModelError> {
-    let (all, none) = (List([NOBODY; MAX_RECORDS]), List([0; MAX_RECORDS]));
-    let mut play = Play { model, work, writer: all, born: all, dies: none, heir: all, elder: all, done: none };
-    play.find_lives()?;
-    play.find_heirs()?;
-    play.find_lines()?;
-    play.run()
+    let (all, none) = (List([ABSENT; MAX_RECORDS]), List([0; MAX_RECORDS]));
+    let mut lifetimes =
+        Lifetimes { model, work, writer: all, born: all, dies: none, successor: all, predecessor: all, done: none };
+    lifetimes.find_lives()?;
+    lifetimes.find_successors()?;
+    lifetimes.find_lines()?;
+    lifetimes.run()
 }
 
-impl Play<'_, '_> {
+impl Lifetimes<'_, '_> {
     fn operator(&self, index: usize) -> Result<Operator, ModelError> {
         self.work.spend(OPERATOR)?;
         self.model.operator(index).ok_or(ModelError::Header)
@@ -68,7 +69,7 @@ impl Play<'_, '_> {
     }
 
     fn find_lives(&mut self) -> Result<(), ModelError> {
-        if self.model.entry_count() >= NOBODY as usize {
+        if self.model.entry_count() >= ABSENT as usize {
             return Err(ModelError::Header);
         }
         let last = self.model.entry_count() as u16;
@@ -85,39 +86,39 @@ impl Play<'_, '_> {
             if entry.operator >= self.model.operator_count() {
                 return Err(refuse);
             }
-            self.heir.set(entry.operator, self.heir.at(entry.operator).min(number + 1));
+            self.successor.set(entry.operator, self.successor.at(entry.operator).min(number + 1));
             self.done.set(entry.operator, number + 1);
         }
         for index in 0..self.model.operator_count() {
             let operator = self.operator(index)?;
             let out = operator.output() as usize;
-            if self.writer.at(out) != NOBODY || self.born.at(out) == 0 {
+            if self.writer.at(out) != ABSENT || self.born.at(out) == 0 {
                 return Err(ModelError::Schedule { entry: 0 });
             }
             self.writer.set(out, index as u16);
-            self.born.set(out, self.heir.at(index));
+            self.born.set(out, self.successor.at(index));
             for tensor in operator.inputs().into_iter().flatten().chain([operator.output()]) {
                 self.dies.set(tensor as usize, self.dies.at(tensor as usize).max(self.done.at(index)));
             }
         }
-        self.heir.0.fill(NOBODY);
+        self.successor.0.fill(ABSENT);
         self.done.0.fill(0);
-        self.dies.set(self.model.output_tensor() as usize, NOBODY);
+        self.dies.set(self.model.output_tensor() as usize, ABSENT);
         Ok(())
     }
 
     /// Returns two tensors if they are in use at the same time.
     fn together(&self, a: usize, b: usize) -> Result<Option<(Tensor, Tensor)>, ModelError> {
         self.work.spend(LINK)?;
-        let used = self.born.at(a) != NOBODY && self.born.at(b) != NOBODY;
+        let used = self.born.at(a) != ABSENT && self.born.at(b) != ABSENT;
         if !used || self.dies.at(a) < self.born.at(b) || self.dies.at(b) < self.born.at(a) {
             return Ok(None);
         }
         Ok(Some((self.tensor(a)?, self.tensor(b)?)))
     }
 
-    /// Finds the heir of every tensor. Tensors that share bytes must follow each other, either as a whole or row by row.
-    fn find_heirs(&mut self) -> Result<(), ModelError> {
+    /// Finds the successor of every tensor. Tensors that share bytes must follow each other, either as a whole or row by row.
+    fn find_successors(&mut self) -> Result<(), ModelError> {
         for (a, b) in pairs(self.model.tensor_count()) {
             let Some((first, second)) = self.together(a, b)? else { continue };
             if !first.overlaps(&second) {
@@ -127,13 +128,13 @@ impl Play<'_, '_> {
             // A sum overwrites the added tensor sample by sample. A map that is kept whole may be overwritten row by row by any other
             // map; the output may not be overwritten. All tensors that share bytes must be linked in this way, directly or through
             // others: see `find_lines`.
-            let sum = first.coincides(&second) && self.adds(new, old)? && self.elder.at(new) == NOBODY;
+            let sum = first.coincides(&second) && self.adds(new, old)? && self.predecessor.at(new) == ABSENT;
             let (before, after) = if old == a { (first, second) } else { (second, first) };
             let kept = old == self.model.output_tensor() as usize;
-            if !kept && self.heir.at(old) == NOBODY && (sum || before.overwritten_by(&after).is_some()) {
-                self.heir.set(old, new as u16);
+            if !kept && self.successor.at(old) == ABSENT && (sum || before.overwritten_by(&after).is_some()) {
+                self.successor.set(old, new as u16);
                 if sum {
-                    self.elder.set(new, old as u16);
+                    self.predecessor.set(new, old as u16);
                 }
             }
         }
@@ -143,14 +144,14 @@ impl Play<'_, '_> {
     /// Returns whether the writer of `new` adds `old` and does not read it otherwise.
     fn adds(&self, new: usize, old: usize) -> Result<bool, ModelError> {
         let (writer, old) = (self.writer.at(new), old as u32);
-        if writer == NOBODY {
+        if writer == ABSENT {
             return Ok(false);
         }
         let Operator::Conv(c) = self.operator(writer as usize)? else { return Ok(false) };
         Ok(c.add == Some(old) && c.first != old && c.second != Some(old))
     }
 
-    /// Validates that tensors that exist at the same time in the same place are one line of heirs.
+    /// Validates that tensors that exist at the same time in the same place are one line of successors.
     fn find_lines(&self) -> Result<(), ModelError> {
         for (a, b) in pairs(self.model.tensor_count()) {
             let Some((first, second)) = self.together(a, b)? else { continue };
@@ -165,10 +166,10 @@ impl Play<'_, '_> {
         let mut at = from;
         for _ in 0..self.model.tensor_count() {
             self.work.spend(LINK)?;
-            match self.heir.at(at) {
-                NOBODY => return Ok(false),
-                heir if heir as usize == to => return Ok(true),
-                heir => at = heir as usize,
+            match self.successor.at(at) {
+                ABSENT => return Ok(false),
+                successor if successor as usize == to => return Ok(true),
+                successor => at = successor as usize,
             }
         }
         Ok(false)
@@ -176,7 +177,7 @@ impl Play<'_, '_> {
 
     fn run(&mut self) -> Result<(), ModelError> {
         for index in 0..self.model.tensor_count() {
-            let exists = self.writer.at(index) == NOBODY && self.born.at(index) == 0;
+            let exists = self.writer.at(index) == ABSENT && self.born.at(index) == 0;
             self.writer.set(index, if exists { self.tensor(index)?.rows as u16 } else { 0 });
         }
         for number in 0..self.model.entry_count() {
@@ -191,10 +192,10 @@ impl Play<'_, '_> {
             {
                 return Err(refuse);
             }
-            let deed = Deed { operator, out, steps: entry.first..entry.first + entry.count };
+            let steps = EntrySteps { operator, out, steps: entry.first..entry.first + entry.count };
             for (slot, tensor) in operator.inputs().into_iter().enumerate() {
                 let Some(tensor) = tensor else { continue };
-                if !self.readable(&deed, slot, tensor as usize)? {
+                if !self.readable(&steps, slot, tensor as usize)? {
                     return Err(refuse);
                 }
             }
@@ -203,8 +204,9 @@ impl Play<'_, '_> {
             if !self.untouched(operator.output() as usize, &out, written, None)? {
                 return Err(refuse);
             }
-            self.done.set(entry.operator, deed.steps.end as u16);
-            self.writer.set(operator.output() as usize, operator.rows_after(&out, deed.steps.end).min(out.rows) as u16);
+            self.done.set(entry.operator, steps.steps.end as u16);
+            self.writer
+                .set(operator.output() as usize, operator.rows_after(&out, steps.steps.end).min(out.rows) as u16);
         }
         for index in 0..self.model.operator_count() {
             let operator = self.operator(index)?;
@@ -221,12 +223,12 @@ impl Play<'_, '_> {
         self.writer.at(tensor) as usize
     }
 
-    /// Returns whether the rows that a deed reads are written, and overwritten neither by later rows of the ring nor by the heir.
-    fn readable(&self, deed: &Deed, slot: usize, tensor: usize) -> Result<bool, ModelError> {
-        let writes = deed.operator.output() as usize;
+    /// Returns whether the rows that the steps read are written, and overwritten neither by later rows of the ring nor by the successor.
+    fn readable(&self, steps: &EntrySteps, slot: usize, tensor: usize) -> Result<bool, ModelError> {
+        let writes = steps.operator.output() as usize;
         let t = self.tensor(tensor)?;
-        let Range { start: first, end: last } = deed.steps;
-        let rows = |step: usize| deed.operator.rows_read(&deed.out, slot, t.rows, step);
+        let Range { start: first, end: last } = steps.steps;
+        let rows = |step: usize| steps.operator.rows_read(&steps.out, slot, t.rows, step);
         // What a step reads of its own output is not written yet.
         if tensor == writes || rows(last.saturating_sub(1)).end > self.made(tensor) {
             return Ok(false);
@@ -236,12 +238,12 @@ impl Play<'_, '_> {
         let mut ahead = self.made(tensor);
         for _ in 0..self.model.tensor_count() {
             self.work.spend(LINK)?;
-            match self.elder.at(at) {
-                NOBODY => break,
+            match self.predecessor.at(at) {
+                ABSENT => break,
                 elder => at = elder as usize,
             }
             if at == writes {
-                if deed.lead(slot, &t, 0) > t.ring as isize {
+                if steps.lead(slot, &t, 0) > t.ring as isize {
                     return Ok(false);
                 }
             } else {
@@ -249,39 +251,39 @@ impl Play<'_, '_> {
             }
         }
         // A step must not write bytes that it reads, except for sums, which are computed sample by sample.
-        let sum = slot == 2 && t.coincides(&deed.out);
-        let making = if sum { None } else { Some((deed, slot)) };
+        let sum = slot == 2 && t.coincides(&steps.out);
+        let making = if sum { None } else { Some((steps, slot)) };
         Ok(ahead <= start + t.ring && self.untouched(tensor, &t, start, making)?)
     }
 
-    /// Returns whether no row from `first` on has been overwritten by the heir, its heir, and so on. `making` is a deed that is about to
+    /// Returns whether no row from `first` on has been overwritten by the successor, its successor, and so on. `making` are steps that are about to
     /// write rows, and the slot in which it reads this tensor.
     fn untouched(
         &self,
         tensor: usize,
         t: &Tensor,
         first: usize,
-        making: Option<(&Deed, usize)>,
+        making: Option<(&EntrySteps, usize)>,
     ) -> Result<bool, ModelError> {
         let mut at = tensor;
         for _ in 0..self.model.tensor_count() {
             self.work.spend(LINK)?;
-            if self.heir.at(at) == NOBODY {
+            if self.successor.at(at) == ABSENT {
                 break;
             }
-            at = self.heir.at(at) as usize;
-            let heir = self.tensor(at)?;
-            // Rows of the heir beyond the first row that is read.
+            at = self.successor.at(at) as usize;
+            let successor = self.tensor(at)?;
+            // Rows of the successor beyond the first row that is read.
             let lead = match making {
-                Some((deed, slot)) if deed.operator.output() as usize == at => Some(deed.lead(slot, t, 1)),
+                Some((steps, slot)) if steps.operator.output() as usize == at => Some(steps.lead(slot, t, 1)),
                 _ => match self.made(at) {
                     0 => None,
                     made => Some(made as isize - first as isize),
                 },
             };
-            let taken = if t.coincides(&heir) { Some(0) } else { t.overwritten_by(&heir) };
+            let taken = if t.coincides(&successor) { Some(0) } else { t.overwritten_by(&successor) };
             let safe = lead.is_none_or(|lead| taken.is_some_and(|more| lead + more <= 0));
-            if !safe && t.overlaps(&heir) {
+            if !safe && t.overlaps(&successor) {
                 return Ok(false);
             }
         }
@@ -290,13 +292,13 @@ impl Play<'_, '_> {
 }
 
 /// The steps of an entry of the schedule.
-struct Deed {
+struct EntrySteps {
     operator: Operator,
     out: Tensor,
     steps: Range<usize>,
 }
 
-impl Deed {
+impl EntrySteps {
     /// Returns by how much the rows written after a step (`after` 1) or before it (0) exceed the first row that it reads of `t`: the
     /// largest difference of all steps.
     fn lead(&self, slot: usize, t: &Tensor, after: usize) -> isize {

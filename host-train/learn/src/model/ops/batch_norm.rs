@@ -13,7 +13,7 @@ const LANES: usize = 32;
 
 /// Sizes of a map `[images, channels, pixels]`.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct NormShape {
     /// Images.
     pub(super) images: usize,
     /// Channels.
@@ -33,7 +33,7 @@ struct Channel {
 }
 
 /// The parameters of all channels.
-pub(super) struct Parameters<'a> {
+pub(super) struct NormParameters<'a> {
     /// Mean and (biased) variance, `[2, channels]`.
     pub(super) statistics: &'a [f32],
     /// Weight, `[channels]`.
@@ -46,7 +46,7 @@ pub(super) struct Parameters<'a> {
     pub(super) relu: bool,
 }
 
-impl Parameters<'_> {
+impl NormParameters<'_> {
     fn channel(&self, c: usize) -> Channel {
         let (mean, variance) = self.statistics.split_at(self.weight.len());
         let shrink = 1.0 / (variance[c] + self.epsilon).sqrt();
@@ -54,7 +54,7 @@ impl Parameters<'_> {
     }
 }
 
-impl Shape {
+impl NormShape {
     /// Adds per-plane sums to sums per channel.
     fn per_channel<const N: usize>(&self, of_plane: impl Fn(usize) -> [f64; N] + Send + Sync) -> Vec<[f64; N]> {
         let planes: Vec<[f64; N]> = (0..self.images * self.channels).into_par_iter().map(of_plane).collect();
@@ -99,7 +99,7 @@ fn sums<const N: usize>(a: &[f32], b: &[f32], figures: impl Fn(f32, f32) -> [f32
 }
 
 /// Returns mean and biased variance of every channel: `[2, channels]`.
-pub(super) fn statistics(shape: &Shape, x: &[f32]) -> Vec<f32> {
+pub(super) fn statistics(shape: &NormShape, x: &[f32]) -> Vec<f32> {
     let arch = Arch::new();
     let totals = shape.per_channel(|i| {
         let plane = &x[i * shape.pixels..][..shape.pixels];
@@ -120,7 +120,7 @@ pub(super) fn statistics(shape: &Shape, x: &[f32]) -> Vec<f32> {
 }
 
 /// Returns the normalised map.
-pub(super) fn forward(shape: &Shape, x: &[f32], parameters: &Parameters) -> Vec<f32> {
+pub(super) fn forward(shape: &NormShape, x: &[f32], parameters: &NormParameters) -> Vec<f32> {
     let arch = Arch::new();
     let mut out = vec![0.0; x.len()];
     let planes = out.par_chunks_mut(shape.pixels).zip(x.par_chunks(shape.pixels)).enumerate();
@@ -139,7 +139,7 @@ pub(super) fn forward(shape: &Shape, x: &[f32], parameters: &Parameters) -> Vec<
 }
 
 /// Returns the gradients of the map, the weight and the bias, from the output's gradient. The statistics count as functions of the map.
-pub(super) fn backward(shape: &Shape, x: &[f32], parameters: &Parameters, gradient: &[f32]) -> [Vec<f32>; 3] {
+pub(super) fn backward(shape: &NormShape, x: &[f32], parameters: &NormParameters, gradient: &[f32]) -> [Vec<f32>; 3] {
     let arch = Arch::new();
     let relu = parameters.relu;
     // The part of the gradient that passed the ReLU. The expression is the same as in `forward`, so that the sign is the same.

@@ -11,7 +11,7 @@ use rayon::prelude::*;
 
 /// Shape of a convolution. Outside the input there are zeros as far as the output needs them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Shape {
+pub(super) struct ConvShape {
     /// Images.
     pub(super) images: usize,
     /// Channels in and out.
@@ -28,7 +28,7 @@ pub(super) struct Shape {
     pub(super) padding: [usize; 2],
 }
 
-impl Shape {
+impl ConvShape {
     /// Returns the number of values of the input, the weight and the output.
     pub(super) fn lengths(&self) -> [usize; 3] {
         let area = |[rows, cols]: [usize; 2]| rows * cols;
@@ -109,7 +109,7 @@ impl Shape {
 }
 
 /// Maps `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]` to `[B, O, H', W']`.
-pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
+pub(super) fn forward(shape: &ConvShape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let frame = shape.frame();
     let lines = shape.input_lines(&frame, x);
     let shifts = shape.input_shifts(&frame);
@@ -123,7 +123,7 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
 
 /// Returns the requested gradients of input and weight, from the output's gradient.
 pub(super) fn backward(
-    shape: &Shape,
+    shape: &ConvShape,
     x: &[f32],
     weight: &[f32],
     gradient: &[f32],
@@ -139,7 +139,7 @@ pub(super) fn backward(
     [of_input, of_weight]
 }
 
-fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -> Vec<f32> {
+fn input_gradient(shape: &ConvShape, frame: &Frame, lines: &[f32], weight: &[f32]) -> Vec<f32> {
     let ([inputs, outputs], s) = (shape.channels, shape.stride);
     let kernel = shape.kernel[0] * shape.kernel[1];
     let mut whole = vec![0.0; shape.lengths()[0]];

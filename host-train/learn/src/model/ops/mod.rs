@@ -126,7 +126,7 @@ pub struct Normalised {
 pub fn batch_norm_train(x: Tensor<4>, weight: Tensor<1>, bias: Tensor<1>, epsilon: f64, with_relu: bool) -> Normalised {
     if takes(&[&x]) {
         let channels = x.dims()[1];
-        let options = norms::Options { epsilon: epsilon as f32, relu: with_relu };
+        let options = norms::NormOptions { epsilon: epsilon as f32, relu: with_relu };
         let (output, statistics) = norms::run(x, weight, bias, options);
         let figure = |i: usize| statistics.clone().narrow(0, i, 1).reshape([channels]);
         return Normalised { output, mean: figure(0), variance: figure(1) };

@@ -152,7 +152,7 @@ fn threads_do_not_change_the_result() {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
         pool.install(|| {
             let number = |i: usize| ((i * 7919) % 1000) as f32 / 500.0 - 1.0;
-            let shape = conv::Shape {
+            let shape = conv::ConvShape {
                 images: 2,
                 channels: [5, 20],
                 input: [40, 37],
@@ -163,7 +163,7 @@ fn threads_do_not_change_the_result() {
             };
             let [x, weight, y] = shape.lengths().map(|n| (0..n).map(number).collect::<Vec<f32>>());
             let plain = (conv::forward(&shape, &x, &weight), conv::backward(&shape, &x, &weight, &y, [true, true]));
-            let shape = up2::Shape { images: 2, channels: [5, 12], small: [20, 11] };
+            let shape = up2::Up2Shape { images: 2, channels: [5, 12], small: [20, 11] };
             let [x, weight, y] = shape.lengths().map(|n| (0..n).map(number).collect::<Vec<f32>>());
             (plain, up2::forward(&shape, &x, &weight), up2::backward(&shape, &x, &weight, &y, [true, true]))
         })

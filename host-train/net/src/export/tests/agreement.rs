@@ -1,11 +1,11 @@
 //! The integer runner agrees with the f64 emulation, operator by operator, on random networks of every kind.
 
-use super::super::Precision;
+use super::super::MapBits;
 use super::super::compile::Export;
 use super::super::graph::{Activation, Operation};
 use super::emulate::Emulator;
 use super::{CalibrationTile, random_export, small_config};
-use crate::config::{DecoderKind, Head, ImageEncoderKind, NetConfig};
+use crate::config::{DecoderKind, ImageEncoderKind, NetConfig, OutputHead};
 use elunar_core::nn::file::{Dtype, NONE};
 use elunar_core::nn::{Model, Progress, Runner, required};
 use std::collections::BTreeMap;
@@ -116,7 +116,7 @@ fn networks() -> [NetConfig; 7] {
     let small = small_config();
     [
         small.clone(),
-        NetConfig { head: Head::Residual, window: 5, ..small.clone() },
+        NetConfig { head: OutputHead::Residual, window: 5, ..small.clone() },
         NetConfig { image_encoder: ImageEncoderKind::Resnet, ..small.clone() },
         NetConfig { decoder_kind: DecoderKind::Upb, window: 4, ..small.clone() },
         NetConfig { use_coarse: false, window: 2, ..small.clone() },
@@ -132,14 +132,14 @@ fn networks() -> [NetConfig; 7] {
 
 #[test]
 fn runner_agrees_with_the_emulation_of_every_operator() {
-    for precision in [Precision::Int8, Precision::Mixed, Precision::Int16] {
+    for precision in [MapBits::Int8, MapBits::Mixed, MapBits::Int16] {
         let mut found = BTreeMap::new();
         for (seed, config) in networks().iter().enumerate() {
             let (made, tile) = random_export(config, (64, 32), precision, seed as u64);
             agreement(&made, &tile, &mut found);
         }
         println!("{precision:?} {found:#?}");
-        let wide = precision == Precision::Int16;
+        let wide = precision == MapBits::Int16;
         // Convolutions and norms differ only if the exact value is within the multipliers' rounding of a tie. C²ε is an integer, so the
         // error of a norm of nearly constant pixels is within one step of 8 bits, but only within 1/8192 of a 16-bit range. Logits have 8
         // fraction bits: attention is within one step of 8 bits, and within 1/512 of a 16-bit range.

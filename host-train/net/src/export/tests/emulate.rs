@@ -8,7 +8,7 @@ use super::super::build::NORM_EPSILON;
 use super::super::codes::Codes;
 use super::super::float::gelu;
 use super::super::fold::fold;
-use super::super::graph::{Activation, Graph, Kernel, NodeId, Operation, Source};
+use super::super::graph::{Activation, ConvInput, Graph, LayerWeights, NodeId, Operation};
 use super::super::pack::Filter;
 use super::super::pack::IntegerFilter;
 use super::super::quantise::{Program, gelu_table, quantise_weights};
@@ -178,7 +178,7 @@ impl Emulator<'_> {
     }
 
     /// Returns a source as the convolution reads it. If the filters contain the upsampling, it is the small map.
-    fn read(&self, source: &Source, folded: bool) -> Read {
+    fn read(&self, source: &ConvInput, folded: bool) -> Read {
         let (node, zero) = (&self.graph.nodes[source.node], self.codes(source.node).zero as f64);
         let upsampled = source.up && !folded;
         let factor = if upsampled { 2 } else { 1 };
@@ -277,7 +277,7 @@ struct Read {
 }
 
 /// Returns the filters before quantisation.
-fn filters(kernel: &Kernel, folded: bool) -> Vec<Filter> {
+fn filters(kernel: &LayerWeights, folded: bool) -> Vec<Filter> {
     if folded { fold(kernel) } else { vec![Filter::whole(kernel)] }
 }
 

@@ -1,8 +1,8 @@
 //! No file can harm the runner: with flipped bytes, truncated, or random under valid checksums.
 
-use super::super::Precision;
+use super::super::MapBits;
 use super::{random_export, small_config};
-use crate::config::{Head, NetConfig};
+use crate::config::{NetConfig, OutputHead};
 use elunar_core::nn::file::{ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, word};
 use elunar_core::nn::{Model, ModelError, Progress, Runner, required};
 use rand::{Rng, SeedableRng};
@@ -11,8 +11,8 @@ use rand_chacha::ChaCha8Rng;
 /// Returns a model with fewer weights than [`small_config`], so that every byte can be tried.
 fn tiny() -> Vec<u8> {
     let narrow = NetConfig { embed: 2, depths: [1; 4], heads: [1; 4], window: 2, decoder: [2; 5], ..small_config() };
-    let config = NetConfig { head: Head::Residual, dtm: [1; 5], stem: 1, ..narrow };
-    random_export(&config, (32, 32), Precision::Mixed, 11).0.bytes
+    let config = NetConfig { head: OutputHead::Residual, dtm: [1; 5], stem: 1, ..narrow };
+    random_export(&config, (32, 32), MapBits::Mixed, 11).0.bytes
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! The small model file for tests and examples of `core`.
 
 use super::*;
-use crate::config::Head;
+use crate::config::OutputHead;
 
 /// Writes `core/fixtures/tile-v4.eld`: a network with every operator and random weights. Its head makes small corrections of the coarse
 /// DTM.
@@ -14,7 +14,7 @@ fn write_the_fixture_of_core() {
         stem: 2,
         dtm: [2, 2, 2, 2, 2],
         decoder: [2, 2, 2, 2, 2],
-        head: Head::Residual,
+        head: OutputHead::Residual,
         range_margin: 0.1,
         ..small_config()
     };
@@ -28,7 +28,7 @@ fn write_the_fixture_of_core() {
             _ => {}
         }
     }
-    let options = Options { tile, precision: Precision::Mixed, name: "fixture".into() };
+    let options = CompileOptions { tile, precision: MapBits::Mixed, name: "fixture".into() };
     let made = export(&config, &weights, Path::new("fixture"), &tiles, &options, |_| {}).unwrap();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../core/fixtures/tile-v4.eld");
     std::fs::write(path, made.bytes).unwrap();

@@ -2,14 +2,14 @@
 
 use super::super::build::build;
 use super::super::{CalibrationTile, float};
-use super::super::{Options, Precision, export};
+use super::super::{CompileOptions, MapBits, export};
 use super::runs::run;
 use crate::config::{NetConfig, config_of};
-use crate::weights::{Array, Weights};
+use crate::weights::{Array, NetWeights};
 use std::path::{Path, PathBuf};
 
 /// Returns the repository's own case, then the shared ones, if any.
-fn cases() -> Vec<(PathBuf, Weights, NetConfig)> {
+fn cases() -> Vec<(PathBuf, NetWeights, NetConfig)> {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     let shared = std::env::var_os("ELUNAR_SHARED").map_or_else(|| repository.join("../shared"), PathBuf::from);
     let own = repository.join("tests/golden/mini/case.safetensors");
@@ -17,7 +17,7 @@ fn cases() -> Vec<(PathBuf, Weights, NetConfig)> {
     let mut found = Vec::new();
     for path in [own].into_iter().chain(others) {
         if found.is_empty() || path.exists() {
-            let weights = Weights::read(&path).unwrap();
+            let weights = NetWeights::read(&path).unwrap();
             let config = config_of(&weights, &path).unwrap();
             found.push((path, weights, config));
         } else {
@@ -65,7 +65,7 @@ fn runner_stays_close_to_golden_outputs() {
             ground: None,
         };
         let tile_size = (image.shape[2], image.shape[3]);
-        let options = Options { tile: tile_size, precision: Precision::Mixed, name: "golden".into() };
+        let options = CompileOptions { tile: tile_size, precision: MapBits::Mixed, name: "golden".into() };
         let made = export(&config, &weights, &path, std::slice::from_ref(&tile), &options, |_| {}).unwrap();
         let (found, expected) = (run(&made.bytes, &tile, u64::MAX), &weights.tensors["output"].data);
         let n = expected.len() as f64;

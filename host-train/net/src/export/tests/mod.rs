@@ -10,9 +10,9 @@ mod runs;
 use super::build::manifest;
 use super::compile::Export;
 use super::{CalibrationTile, calibrate};
-use super::{Options, Precision, export};
+use super::{CompileOptions, MapBits, export};
 use crate::config::{NetConfig, Preset};
-use crate::weights::{Array, Weights};
+use crate::weights::{Array, NetWeights};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::path::Path;
@@ -32,9 +32,9 @@ fn small_config() -> NetConfig {
 }
 
 /// Returns random weights, scaled so that the range of maps hardly changes from layer to layer.
-fn random_weights(config: &NetConfig, seed: u64) -> Weights {
+fn random_weights(config: &NetConfig, seed: u64) -> NetWeights {
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let mut weights = Weights::default();
+    let mut weights = NetWeights::default();
     for (name, shape) in manifest(config).unwrap() {
         let fan_in: usize = shape[1..].iter().product();
         let mut sample = || -> f32 { (0..6).map(|_| rng.random_range(-0.7..0.7f32)).sum() };
@@ -62,14 +62,9 @@ fn random_tile(rows: usize, cols: usize, seed: u64) -> CalibrationTile {
 }
 
 /// Exports `config` with random weights, calibrated on two tiles. Also returns the first tile.
-fn random_export(
-    config: &NetConfig,
-    tile: (usize, usize),
-    precision: Precision,
-    seed: u64,
-) -> (Export, CalibrationTile) {
+fn random_export(config: &NetConfig, tile: (usize, usize), precision: MapBits, seed: u64) -> (Export, CalibrationTile) {
     let tiles = [random_tile(tile.0, tile.1, seed), random_tile(tile.0, tile.1, seed + 1)];
-    let options = Options { tile, precision, name: "random".into() };
+    let options = CompileOptions { tile, precision, name: "random".into() };
     let weights = random_weights(config, seed);
     let made = export(config, &weights, Path::new("random"), &tiles, &options, |_| {}).unwrap();
     let [first, _] = tiles;
@@ -94,6 +89,6 @@ fn weights_that_do_not_fit_are_all_named() {
 
 #[test]
 fn calibration_without_tiles_is_refused() {
-    let (made, _) = random_export(&small_config(), (32, 32), Precision::Mixed, 1);
+    let (made, _) = random_export(&small_config(), (32, 32), MapBits::Mixed, 1);
     assert!(calibrate::calibrate(&made.graph, &[], |_| {}).is_err());
 }

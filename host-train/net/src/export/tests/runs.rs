@@ -1,8 +1,8 @@
 //! Budgets, memory, self test and scrubbing of the runner on exported networks.
 
-use super::super::{Options, Precision, export};
+use super::super::{CompileOptions, MapBits, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
-use crate::config::{Head, Illumination, NetConfig, TruthRange};
+use crate::config::{Illumination, NetConfig, OutputHead, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
 use crate::job::JobMemory;
 use elunar_core::job::{Made, TileInput, TileJob, TileRules};
@@ -27,8 +27,8 @@ pub(super) fn run(bytes: &[u8], tile: &CalibrationTile, budget_macs: u64) -> Vec
 
 #[test]
 fn every_step_budget_gives_the_same_bytes() {
-    let config = NetConfig { head: Head::Residual, ..small_config() };
-    let (made, tile) = random_export(&config, (64, 96), Precision::Mixed, 3);
+    let config = NetConfig { head: OutputHead::Residual, ..small_config() };
+    let (made, tile) = random_export(&config, (64, 96), MapBits::Mixed, 3);
     let whole = run(&made.bytes, &tile, u64::MAX);
     assert!(whole.iter().any(|v| *v != whole[0]), "a constant output proves nothing");
     for budget in [0, 1, 777, 50_000, 3_000_000] {
@@ -38,7 +38,7 @@ fn every_step_budget_gives_the_same_bytes() {
 
 #[test]
 fn every_kernel_gives_the_same_bytes() {
-    for (tile, precision, seed) in [((64, 96), Precision::Mixed, 13), ((32, 64), Precision::Int8, 14)] {
+    for (tile, precision, seed) in [((64, 96), MapBits::Mixed, 13), ((32, 64), MapBits::Int8, 14)] {
         let (made, tile) = random_export(&small_config(), tile, precision, seed);
         let model = Model::new(&made.bytes).unwrap();
         let mut arena = vec![0; required(&model)];
@@ -57,7 +57,7 @@ fn every_kernel_gives_the_same_bytes() {
 
 #[test]
 fn a_step_overruns_its_budget_by_less_than_one_unit() {
-    let (made, tile) = random_export(&small_config(), (64, 64), Precision::Mixed, 4);
+    let (made, tile) = random_export(&small_config(), (64, 64), MapBits::Mixed, 4);
     let model = Model::new(&made.bytes).unwrap();
     let largest = model.largest_unit();
     let mut arena = vec![0; required(&model)];
@@ -78,7 +78,7 @@ fn a_step_overruns_its_budget_by_less_than_one_unit() {
 
 #[test]
 fn required_bytes_suffice_and_one_less_does_not() {
-    let (made, _) = random_export(&small_config(), (32, 64), Precision::Int8, 5);
+    let (made, _) = random_export(&small_config(), (32, 64), MapBits::Int8, 5);
     let model = Model::new(&made.bytes).unwrap();
     let needed = required(&model);
     let mut arena = vec![0; needed];
@@ -89,8 +89,8 @@ fn required_bytes_suffice_and_one_less_does_not() {
 
 #[test]
 fn metres_come_out_as_by_way_of_buffers() {
-    let config = NetConfig { head: Head::Residual, range_margin: 0.1, ..small_config() };
-    let (made, tile) = random_export(&config, (32, 64), Precision::Mixed, 9);
+    let config = NetConfig { head: OutputHead::Residual, range_margin: 0.1, ..small_config() };
+    let (made, tile) = random_export(&config, (32, 64), MapBits::Mixed, 9);
     let brightness: Vec<f32> = tile.image.iter().map(|v| 200.0 + 900.0 * v).collect();
     let mut coarse_m: Vec<f32> = tile.coarse.iter().map(|z| -1800.0 + 1.3 * z).collect();
     coarse_m[100] = f32::NAN;
@@ -135,7 +135,8 @@ fn guided_tiles_are_mirrored_into_the_models_light_and_back() {
 
 /// Compares a model's heights with those of a network that is given the maps of a guide.
 fn guided(illumination: Illumination, weight: Weight) {
-    let config = NetConfig { head: Head::Residual, target_range: TruthRange::Pixel, illumination, ..small_config() };
+    let config =
+        NetConfig { head: OutputHead::Residual, target_range: TruthRange::Pixel, illumination, ..small_config() };
     let shape = (32, 64);
     let random = random_tile(shape.0, shape.1, 11);
     let brightness: Vec<f32> = random.image.iter().map(|v| 200.0 + 900.0 * v).collect();
@@ -157,7 +158,7 @@ fn guided(illumination: Illumination, weight: Weight) {
         guide.fill(&mut maps, &mut pixels).unwrap();
     }
     let tile = CalibrationTile { image: maps, coarse: pixels, ground: None };
-    let options = Options { tile: shape, precision: Precision::Mixed, name: "given".into() };
+    let options = CompileOptions { tile: shape, precision: MapBits::Mixed, name: "given".into() };
     let weights = random_weights(&config, 12);
     let made = export(&config, &weights, Path::new("given"), std::slice::from_ref(&tile), &options, |_| {}).unwrap();
     let mut expected_m = vec![0.0; heights.len()];
@@ -183,7 +184,7 @@ fn guided(illumination: Illumination, weight: Weight) {
 
 #[test]
 fn misuse_is_refused() {
-    let (made, tile) = random_export(&small_config(), (32, 32), Precision::Int8, 6);
+    let (made, tile) = random_export(&small_config(), (32, 32), MapBits::Int8, 6);
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
@@ -199,7 +200,7 @@ fn misuse_is_refused() {
 
 #[test]
 fn self_test_passes_and_notices_a_changed_model() {
-    let (made, _) = random_export(&small_config(), (64, 64), Precision::Mixed, 7);
+    let (made, _) = random_export(&small_config(), (64, 64), MapBits::Mixed, 7);
     let check = |bytes: &[u8]| {
         let model = Model::new(bytes).unwrap();
         let mut arena = vec![0; required(&model)];
@@ -225,7 +226,7 @@ fn self_test_passes_and_notices_a_changed_model() {
 
 #[test]
 fn scrubbing_reads_everything_in_small_bites() {
-    let (made, _) = random_export(&small_config(), (32, 32), Precision::Int8, 8);
+    let (made, _) = random_export(&small_config(), (32, 32), MapBits::Int8, 8);
     let model = Model::new(&made.bytes).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();

@@ -1,30 +1,33 @@
 //! The label's grammar.
 
-use super::super::{Block, Kind, Value};
+use super::super::{LabelBlock, Value, ValueKind};
 use super::{shared, sldem_label};
 
 fn value(text: &str) -> Value {
-    Block::parse(format!("A = {text}\nEND\n").as_bytes()).unwrap().items.remove(0).value
+    LabelBlock::parse(format!("A = {text}\nEND\n").as_bytes()).unwrap().items.remove(0).value
 }
 
 fn defect(text: &[u8]) -> (usize, String) {
-    let defect = Block::parse(text).expect_err(&String::from_utf8_lossy(text));
+    let defect = LabelBlock::parse(text).expect_err(&String::from_utf8_lossy(text));
     (defect.line, defect.what)
 }
 
 #[test]
 fn values_of_every_kind() {
-    let plain = |kind: Kind| Value { kind, unit: None };
-    let one = || plain(Kind::Integer(1));
+    let plain = |kind: ValueKind| Value { kind, unit: None };
+    let one = || plain(ValueKind::Integer(1));
     assert_eq!(value("1"), one());
-    assert_eq!(value("4.5 <KM/S>"), Value { kind: Kind::Real(4.5), unit: Some("KM/S".into()) });
+    assert_eq!(value("4.5 <KM/S>"), Value { kind: ValueKind::Real(4.5), unit: Some("KM/S".into()) });
     assert_eq!(value("45\n <M**2>").unit.as_deref(), Some("M**2"));
-    assert_eq!(value("'N/A'"), plain(Kind::Symbol("N/A".into())));
+    assert_eq!(value("'N/A'"), plain(ValueKind::Symbol("N/A".into())));
     assert_eq!(value("\"a\r\n  b /* c */ = 'd' END\"").text(), Some("a\r\n  b /* c */ = 'd' END"));
-    assert_eq!(value("()").kind, Kind::Sequence(vec![]));
-    assert_eq!(value("{ }").kind, Kind::Set(vec![]));
-    assert_eq!(value("{1}").kind, Kind::Set(vec![one()]));
-    assert_eq!(value("(1, (1,1))").kind, Kind::Sequence(vec![one(), plain(Kind::Sequence(vec![one(), one()]))]));
+    assert_eq!(value("()").kind, ValueKind::Sequence(vec![]));
+    assert_eq!(value("{ }").kind, ValueKind::Set(vec![]));
+    assert_eq!(value("{1}").kind, ValueKind::Set(vec![one()]));
+    assert_eq!(
+        value("(1, (1,1))").kind,
+        ValueKind::Sequence(vec![one(), plain(ValueKind::Sequence(vec![one(), one()]))])
+    );
     let units = value("(1 <m>,\n /* between */ TWO, \"Three\", 4.0)");
     assert_eq!(units.members()[0].unit.as_deref(), Some("m"));
     assert_eq!(units.members()[1].text(), Some("TWO"));
@@ -36,7 +39,7 @@ fn values_of_every_kind() {
 
 #[test]
 fn blocks_nest_and_close_by_name() {
-    let label = Block::parse(
+    let label = LabelBlock::parse(
         b"OBJECT=IMAGE /* c */ LINES=1 Object = thing A=2; End_Object END_OBJECT = image\nGROUP=G B=3 END_GROUP ; C=4",
     )
     .unwrap();
@@ -44,27 +47,28 @@ fn blocks_nest_and_close_by_name() {
     assert_eq!(label.block("THING").unwrap().items[0].key, "A");
     assert_eq!(label.find("C").unwrap().unwrap().line, 2);
     assert_eq!(label.block("G").unwrap().items.len(), 1);
-    let sldem = Block::parse(sldem_label("S", 3, 4).as_bytes()).unwrap();
+    let sldem = LabelBlock::parse(sldem_label("S", 3, 4).as_bytes()).unwrap();
     assert_eq!(sldem.block("UNCOMPRESSED_FILE").unwrap().items.len(), 5);
 }
 
 #[test]
 fn a_keyword_may_have_no_value() {
-    let label = Block::parse(b"A =\nB = \r\n\r\n^C = 1\nGROUP = G\n D = /* none */\nEND_GROUP\nE =\nEND\n").unwrap();
+    let label =
+        LabelBlock::parse(b"A =\nB = \r\n\r\n^C = 1\nGROUP = G\n D = /* none */\nEND_GROUP\nE =\nEND\n").unwrap();
     let empty: Vec<(&str, usize)> = label.empty().iter().map(|item| (item.key.as_str(), item.line)).collect();
     assert_eq!(empty, [("A", 1), ("B", 2), ("E", 8), ("D", 6)]);
     assert!(label.find("A").unwrap().is_none() && label.items[0].value.is_absent());
     assert_eq!(label.items[0].value.to_string(), "");
-    assert_eq!(Block::parse(b"A =\nA = 5\nEND").unwrap().find("A").unwrap().unwrap().value.number(), Some(5.0));
+    assert_eq!(LabelBlock::parse(b"A =\nA = 5\nEND").unwrap().find("A").unwrap().unwrap().value.number(), Some(5.0));
     // A value may stand on the next line.
-    assert_eq!(Block::parse(b"A =\n B\nC = 2\nEND").unwrap().items[0].value.text(), Some("B"));
+    assert_eq!(LabelBlock::parse(b"A =\n B\nC = 2\nEND").unwrap().items[0].value.text(), Some("B"));
 }
 
 #[test]
 fn what_follows_the_end_is_not_read() {
-    assert_eq!(Block::parse(b"A = 1\r\nEND\r\n\xFF\x00\"unclosed").unwrap().items.len(), 1);
-    assert_eq!(Block::parse(b"A = 1\n\0\0\0").unwrap().items.len(), 1, "padding");
-    assert_eq!(Block::parse(b"").unwrap(), Block::default());
+    assert_eq!(LabelBlock::parse(b"A = 1\r\nEND\r\n\xFF\x00\"unclosed").unwrap().items.len(), 1);
+    assert_eq!(LabelBlock::parse(b"A = 1\n\0\0\0").unwrap().items.len(), 1, "padding");
+    assert_eq!(LabelBlock::parse(b"").unwrap(), LabelBlock::default());
 }
 
 #[test]
@@ -105,12 +109,12 @@ fn nesting_is_bounded() {
     assert!(what.contains("32 deep"), "{what}");
     // Width does not count as depth.
     let wide = format!("A = ({}1)", "(1), ".repeat(1000));
-    assert_eq!(Block::parse(wide.as_bytes()).unwrap().items[0].value.members().len(), 1001);
+    assert_eq!(LabelBlock::parse(wide.as_bytes()).unwrap().items[0].value.members().len(), 1001);
 }
 
 #[test]
 fn contradictions_are_found_when_asked_for() {
-    let label = Block::parse(b"A = 1\nA = 1\nB = 1\nB = 2").unwrap();
+    let label = LabelBlock::parse(b"A = 1\nA = 1\nB = 1\nB = 2").unwrap();
     assert_eq!(label.find("A").unwrap().unwrap().line, 1);
     assert!(
         label
@@ -133,20 +137,21 @@ fn real_labels_and_grammar_cases() {
     };
     let mut parsed = 0;
     for path in [files("grammar"), files(".")].concat() {
-        let label = Block::parse(&std::fs::read(&path).unwrap()).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
+        let label =
+            LabelBlock::parse(&std::fs::read(&path).unwrap()).unwrap_or_else(|e| panic!("{}: {e}", path.display()));
         assert_eq!(label.items[0].key, "PDS_VERSION_ID", "{}", path.display());
         parsed += 1;
     }
     assert_eq!(parsed, 20);
-    let times = Block::parse(&std::fs::read(folder.join("grammar/dates.lbl")).unwrap()).unwrap();
-    assert!(times.items[1..].iter().all(|item| matches!(item.value.kind, Kind::Time(_))), "{times:?}");
-    let sets = Block::parse(&std::fs::read(folder.join("grammar/set1.lbl")).unwrap()).unwrap();
+    let times = LabelBlock::parse(&std::fs::read(folder.join("grammar/dates.lbl")).unwrap()).unwrap();
+    assert!(times.items[1..].iter().all(|item| matches!(item.value.kind, ValueKind::Time(_))), "{times:?}");
+    let sets = LabelBlock::parse(&std::fs::read(folder.join("grammar/set1.lbl")).unwrap()).unwrap();
     assert_eq!(sets.items[3].value.members().len(), 3);
 
     let mut broken: Vec<(String, usize)> = Vec::new();
     for path in files("grammar/broken") {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        if let Err(defect) = Block::parse(&std::fs::read(&path).unwrap()) {
+        if let Err(defect) = LabelBlock::parse(&std::fs::read(&path).unwrap()) {
             broken.push((name, defect.line));
         }
     }

@@ -1,6 +1,6 @@
 //! Damaged labels and images are refused or read. The reader never panics and never needs more memory than the file can hold.
 
-use super::super::Block;
+use super::super::LabelBlock;
 use super::{EQUIRECTANGULAR, POLAR, attached, shared, sldem_label};
 use crate::source::{open, read_all};
 use elunar_testing::mutate;
@@ -47,7 +47,7 @@ fn damaged_labels_never_panic() {
     for round in 0..6000 {
         let mut bytes = seeds[round % seeds.len()].clone();
         mutate(&mut bytes, &PIECES, &mut rng);
-        match Block::parse(&bytes) {
+        match LabelBlock::parse(&bytes) {
             Ok(_) => parsed += 1,
             Err(defect) => {
                 assert!(defect.line >= 1 && defect.line <= bytes.iter().filter(|&&b| b == b'\n').count() + 1);

@@ -26,11 +26,11 @@ fn tile(crs: &Crs, (rows, cols): (usize, usize), step: f64, corner: (f64, f64), 
 }
 
 fn made(rasters: Vec<Raster>, options: GridOptions, rules: &JoinRules) -> Raster {
-    let input = |(k, raster): (usize, Raster)| Input {
+    let input = |(k, raster): (usize, Raster)| MosaicInput {
         name: format!("{k}.tif"),
         source: Box::new(InMemory::new(raster, None, "memory")),
     };
-    let inputs: Vec<Input> = rasters.into_iter().enumerate().map(input).collect();
+    let inputs: Vec<MosaicInput> = rasters.into_iter().enumerate().map(input).collect();
     let grid = Grid::around(&inputs, options).unwrap();
     let samples = join(&inputs, &grid, rules).unwrap();
     Raster { rows: grid.rows, cols: grid.cols, samples, georef: Some(grid.georef) }

@@ -13,8 +13,8 @@ fn raster(rows: usize, cols: usize, corner: (f64, f64), height: impl Fn(usize, u
     Raster { rows, cols, samples, georef: Some(georef) }
 }
 
-fn inputs(rasters: &[Raster]) -> Vec<Input> {
-    let input = |(k, raster): (usize, &Raster)| Input {
+fn inputs(rasters: &[Raster]) -> Vec<MosaicInput> {
+    let input = |(k, raster): (usize, &Raster)| MosaicInput {
         name: format!("{k}.tif"),
         source: Box::new(InMemory::new(raster.clone(), None, "memory")),
     };

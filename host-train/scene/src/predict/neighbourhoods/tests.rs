@@ -1,6 +1,6 @@
 use super::*;
 use crate::predict::half_tests::slope_error;
-use crate::predict::{Input, Options, Scene, int8, predict};
+use crate::predict::{NamedRaster, PredictOptions, Scene, int8, predict};
 use elunar_raster::Raster;
 use elunar_synth::{Moon, SynthOptions, photograph};
 use std::ops::ControlFlow;
@@ -28,7 +28,8 @@ fn mosaic(turn_deg: f64) -> (Raster, Raster, Raster) {
 }
 
 fn scene(image: &Raster, coarse: &Raster) -> Scene {
-    Scene::new(Input::in_memory("image", image.clone()), Input::in_memory("coarse DTM", coarse.clone())).unwrap()
+    Scene::new(NamedRaster::in_memory("image", image.clone()), NamedRaster::in_memory("coarse DTM", coarse.clone()))
+        .unwrap()
 }
 
 fn tile(left: usize) -> Window {
@@ -83,8 +84,9 @@ fn slopes_gain_by_the_light_of_the_neighbourhood() {
     let whole = scene.light_for(Illumination::Weighed, UNKNOWN).unwrap().whole;
     let one = KnownSun { azimuth_deg: Some(whole.light.azimuth_deg()), elevation_deg: None };
     let [one, own] = [one, UNKNOWN].map(|sun| {
-        let found =
-            predict(&scene, &nano, &Options { sun, ..Options::default() }, &mut |_, _| ControlFlow::Continue(()));
+        let found = predict(&scene, &nano, &PredictOptions { sun, ..PredictOptions::default() }, &mut |_, _| {
+            ControlFlow::Continue(())
+        });
         slope_error(&found.unwrap().dtm, &truth, COLS - 1)
     });
     let coarse = slope_error(&scene.coarse_raster().unwrap(), &truth, COLS - 1);

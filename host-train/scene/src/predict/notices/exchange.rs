@@ -1,6 +1,6 @@
 //! Image and coarse DTM in each other's place.
 
-use super::super::{Input, Scene};
+use super::super::{NamedRaster, Scene};
 use elunar_base::{Error, Result};
 use std::path::Path;
 
@@ -12,7 +12,7 @@ const AS_FINE_PX: std::ops::Range<f64> = 1.0..1.5;
 ///
 /// # Errors
 /// [`Error::Input`] with the reason.
-pub fn check_exchange(image: &Input, coarse: &Input, unit_stated: bool) -> Result<()> {
+pub fn check_exchange(image: &NamedRaster, coarse: &NamedRaster, unit_stated: bool) -> Result<()> {
     let same =
         |a: &str, b: &str| Path::new(a).canonicalize().is_ok_and(|a| Path::new(b).canonicalize().is_ok_and(|b| a == b));
     if same(&image.name, &coarse.name) {

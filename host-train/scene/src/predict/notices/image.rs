@@ -1,6 +1,6 @@
 //! Brightness unlike that of the images that networks were trained on.
 
-use super::super::Brightness;
+use super::super::ImageBrightness;
 use super::percent;
 
 /// Share of pixels with exactly the lowest or the highest value above which an image is clipped, or has voids without a nodata value.
@@ -10,7 +10,7 @@ const CLIPPED: f64 = 0.2;
 const CONSTANT: f64 = 5e-3;
 
 /// Warns of clipped and of nearly constant images, and of values that are no brightness.
-pub(super) fn suspected(name: &str, brightness: &Brightness) -> Vec<String> {
+pub(super) fn suspected(name: &str, brightness: &ImageBrightness) -> Vec<String> {
     if brightness.pixels == 0 {
         return vec![];
     }

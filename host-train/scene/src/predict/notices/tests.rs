@@ -2,7 +2,7 @@
 
 use super::super::job::Finished;
 use super::super::sun::KnownFrom;
-use super::super::{Input, Scene, Survey};
+use super::super::{NamedRaster, Scene, Survey};
 use super::light::share_of_relief;
 use super::{check_exchange, notice_of_heights, notices};
 use elunar_core::nn::Illumination;
@@ -19,8 +19,8 @@ fn made(index: u64, options: SynthOptions) -> SynthScene {
     Moon::new(4711, options).unwrap().scene(index, ROWS, COLS).unwrap()
 }
 
-fn input(name: &str, raster: Raster, unit: Option<&str>, format: &str) -> Input {
-    Input { name: name.into(), source: Arc::new(InMemory::new(raster, unit.map(String::from), format)) }
+fn input(name: &str, raster: Raster, unit: Option<&str>, format: &str) -> NamedRaster {
+    NamedRaster { name: name.into(), source: Arc::new(InMemory::new(raster, unit.map(String::from), format)) }
 }
 
 fn scene(image: Raster, coarse: Raster) -> Scene {
@@ -278,7 +278,7 @@ fn exchanged_files_are_refused_or_told() {
     let made = made(2, SynthOptions::default());
     let (image, coarse) = (made.image_raster(), made.coarse_raster());
     let (grey, heights) = ("GeoTIFF, u16, tiles of 512 x 512, Deflate", "GeoTIFF, f32, tiles of 512 x 512, Deflate");
-    let refused = |coarse: &Input, unit_stated: bool| {
+    let refused = |coarse: &NamedRaster, unit_stated: bool| {
         check_exchange(&input("i.tif", image.clone(), None, grey), coarse, unit_stated).err().map(|e| e.to_string())
     };
     let text = refused(&input("c.tif", image.clone(), None, grey), false).unwrap();

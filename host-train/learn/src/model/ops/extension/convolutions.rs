@@ -3,7 +3,7 @@
 use super::super::{conv, up2};
 use super::step::{Operator, apply, track};
 use super::{dims, numbers, tensor};
-use crate::stopwatch::{Part, Pass, time};
+use crate::stopwatch::{Pass, TrainingPart, time};
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, Backend, Dispatch, Flex, backend_extension};
@@ -25,8 +25,8 @@ pub(in super::super) enum Kind {
 
 /// An operator with the sizes of its operands.
 enum Sized {
-    Conv(conv::Shape),
-    Up2(up2::Shape),
+    Conv(conv::ConvShape),
+    Up2(up2::Up2Shape),
 }
 
 /// Extension of flex: an operator of `x` `[B, I, H, W]` and `weight` `[O, I, kh, kw]`.
@@ -46,10 +46,10 @@ impl Kind {
         let ([images, inputs, rows, cols], [outputs, _, kh, kw]) = (dims(x), dims(weight));
         let channels = [inputs, outputs];
         let Self::Conv { stride, padding } = self else {
-            return Sized::Up2(up2::Shape { images, channels, small: [rows, cols] });
+            return Sized::Up2(up2::Up2Shape { images, channels, small: [rows, cols] });
         };
         let output = |size: usize, kernel: usize| (size + 2 * padding - kernel) / stride + 1;
-        Sized::Conv(conv::Shape {
+        Sized::Conv(conv::ConvShape {
             images,
             channels,
             input: [rows, cols],
@@ -67,10 +67,10 @@ impl Operator<2> for Kind {
         let (map, kernel) = (numbers(x), numbers(weight));
         let (out, [rows, cols]) = match self.sized(x, weight) {
             Sized::Conv(shape) => {
-                (time(Part::Convolution(Pass::Forward), || conv::forward(&shape, map, kernel)), shape.output)
+                (time(TrainingPart::Convolution(Pass::Forward), || conv::forward(&shape, map, kernel)), shape.output)
             }
             Sized::Up2(shape) => {
-                let out = time(Part::Upsampling(Pass::Forward), || up2::forward(&shape, map, kernel));
+                let out = time(TrainingPart::Upsampling(Pass::Forward), || up2::forward(&shape, map, kernel));
                 (out, shape.small.map(|n| 2 * n))
             }
         };
@@ -86,10 +86,10 @@ impl Operator<2> for Kind {
         let (map, kernel, slope) = (numbers(x), numbers(weight), numbers(gradient));
         match self.sized(x, weight) {
             Sized::Conv(shape) => {
-                time(Part::Convolution(Pass::Backward), || conv::backward(&shape, map, kernel, slope, wanted))
+                time(TrainingPart::Convolution(Pass::Backward), || conv::backward(&shape, map, kernel, slope, wanted))
             }
             Sized::Up2(shape) => {
-                time(Part::Upsampling(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
+                time(TrainingPart::Upsampling(Pass::Backward), || up2::backward(&shape, map, kernel, slope, wanted))
             }
         }
     }

@@ -1,9 +1,9 @@
 //! The batch normalisation of the extension.
 
-use super::super::batch_norm::{self, Parameters, Shape};
+use super::super::batch_norm::{self, NormParameters, NormShape};
 use super::step::{Operator, apply, track};
 use super::{dims, numbers, shaped, tensor};
-use crate::stopwatch::{Part, Pass, time};
+use crate::stopwatch::{Pass, TrainingPart, time};
 use burn::backend::autodiff::checkpoint::strategy::CheckpointStrategy;
 use burn::backend::tensor::FloatTensor;
 use burn::backend::{Autodiff, AutodiffBackend, Backend, Dispatch, Flex, backend_extension};
@@ -22,13 +22,13 @@ pub(super) trait Norms: Backend {
         weight: FloatTensor<Self>,
         bias: FloatTensor<Self>,
         statistics: FloatTensor<Self>,
-        options: Options,
+        options: NormOptions,
     ) -> FloatTensor<Self>;
 }
 
 /// Options of the normalisation.
 #[derive(Debug, Clone, Copy, PartialEq)]
-pub(in super::super) struct Options {
+pub(in super::super) struct NormOptions {
     /// Added to the variance.
     pub(in super::super) epsilon: f32,
     /// Whether negative results become zero.
@@ -40,7 +40,7 @@ pub(in super::super) fn run(
     x: Tensor<4>,
     weight: Tensor<1>,
     bias: Tensor<1>,
-    options: Options,
+    options: NormOptions,
 ) -> (Tensor<4>, Tensor<2>) {
     let statistics = <Dispatch as Norms>::channel_statistics(x.clone().into_dispatch());
     let (weight, bias) = (weight.into_dispatch(), bias.into_dispatch());
@@ -52,21 +52,21 @@ pub(in super::super) fn run(
 #[derive(Debug, Clone)]
 struct Normalisation {
     statistics: FloatTensor<Flex>,
-    options: Options,
+    options: NormOptions,
 }
 
 impl Normalisation {
-    fn parameters<'a>(&'a self, weight: &'a FloatTensor<Flex>, bias: &'a FloatTensor<Flex>) -> Parameters<'a> {
-        let Options { epsilon, relu } = self.options;
+    fn parameters<'a>(&'a self, weight: &'a FloatTensor<Flex>, bias: &'a FloatTensor<Flex>) -> NormParameters<'a> {
+        let NormOptions { epsilon, relu } = self.options;
         let statistics = numbers(&self.statistics);
-        Parameters { statistics, weight: numbers(weight), bias: numbers(bias), epsilon, relu }
+        NormParameters { statistics, weight: numbers(weight), bias: numbers(bias), epsilon, relu }
     }
 }
 
 impl Operator<3> for Normalisation {
     fn forward(&self, [x, weight, bias]: &[FloatTensor<Flex>; 3]) -> FloatTensor<Flex> {
         let normalise = || batch_norm::forward(&shape(x), numbers(x), &self.parameters(weight, bias));
-        shaped(time(Part::BatchNorm(Pass::Forward), normalise), x)
+        shaped(time(TrainingPart::BatchNorm(Pass::Forward), normalise), x)
     }
 
     fn backward(
@@ -77,20 +77,20 @@ impl Operator<3> for Normalisation {
     ) -> [Option<Vec<f32>>; 3] {
         let parameters = self.parameters(weight, bias);
         let back = || batch_norm::backward(&shape(x), numbers(x), &parameters, numbers(gradient));
-        time(Part::BatchNorm(Pass::Backward), back).map(Some)
+        time(TrainingPart::BatchNorm(Pass::Backward), back).map(Some)
     }
 }
 
-fn shape(x: &FloatTensor<Flex>) -> Shape {
+fn shape(x: &FloatTensor<Flex>) -> NormShape {
     let [images, channels, rows, cols] = dims(x);
-    Shape { images, channels, pixels: rows * cols }
+    NormShape { images, channels, pixels: rows * cols }
 }
 
 impl Norms for Flex {
     fn channel_statistics(x: FloatTensor<Self>) -> FloatTensor<Self> {
         let x = x.to_contiguous();
         let shape = shape(&x);
-        let found = time(Part::BatchNorm(Pass::Forward), || batch_norm::statistics(&shape, numbers(&x)));
+        let found = time(TrainingPart::BatchNorm(Pass::Forward), || batch_norm::statistics(&shape, numbers(&x)));
         tensor(found, [2, shape.channels])
     }
 
@@ -99,7 +99,7 @@ impl Norms for Flex {
         weight: FloatTensor<Self>,
         bias: FloatTensor<Self>,
         statistics: FloatTensor<Self>,
-        options: Options,
+        options: NormOptions,
     ) -> FloatTensor<Self> {
         apply(&Normalisation { statistics: statistics.to_contiguous(), options }, [x, weight, bias])
     }
@@ -115,7 +115,7 @@ impl<C: CheckpointStrategy> Norms for Autodiff<Flex, C> {
         weight: FloatTensor<Self>,
         bias: FloatTensor<Self>,
         statistics: FloatTensor<Self>,
-        options: Options,
+        options: NormOptions,
     ) -> FloatTensor<Self> {
         let statistics = statistics.into_primitive().to_contiguous();
         track::<C, 3>(Normalisation { statistics, options }, [x, weight, bias])

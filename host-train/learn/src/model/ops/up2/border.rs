@@ -13,7 +13,7 @@ use super::super::product::{Area, Taps, multiply};
 use super::super::scratch::Scratch;
 use super::ends;
 use super::fold::{FIRST, LAST, OUT, fold, unfold};
-use super::shape::{SIDE, Shape};
+use super::shape::{SIDE, Up2Shape};
 
 /// Columns that a kernel reads.
 const REACH: [isize; SIDE] = [-2, -1, 0, 1, 2];
@@ -52,7 +52,7 @@ impl Edge {
     }
 
     /// Returns the number of small pixels along the edge.
-    fn length(self, shape: &Shape) -> usize {
+    fn length(self, shape: &Up2Shape) -> usize {
         match self {
             Self::Top | Self::Bottom => shape.small[1],
             Self::Left | Self::Right => shape.small[0],
@@ -65,12 +65,12 @@ impl Edge {
     }
 
     /// Returns the layout: one line per channel, and per output row and channel.
-    fn frame(self, shape: &Shape) -> Frame {
+    fn frame(self, shape: &Up2Shape) -> Frame {
         Frame::new(shape.images, [1, 2 * self.length(shape)], [0, SIDE / 2])
     }
 
     /// Returns the strip, upsampled along the edge, as lines.
-    fn input_lines(self, shape: &Shape, frame: &Frame, x: &[f32]) -> Scratch {
+    fn input_lines(self, shape: &Up2Shape, frame: &Frame, x: &[f32]) -> Scratch {
         let (length, channels) = (self.length(shape), shape.channels[0]);
         let plane = shape.small[0] * shape.small[1];
         let mut lines = Scratch::new(channels * frame.length);
@@ -90,7 +90,7 @@ impl Edge {
     }
 
     /// Returns the gradient of this edge's output pixels as lines.
-    fn gradient_lines(self, shape: &Shape, frame: &Frame, gradient: &[f32]) -> Scratch {
+    fn gradient_lines(self, shape: &Up2Shape, frame: &Frame, gradient: &[f32]) -> Scratch {
         let (outputs, wide) = (shape.channels[1], 2 * self.length(shape));
         let mut lines = Scratch::new(OUT * outputs * frame.length);
         frame.fill(&mut lines, |line, image, _, to| {
@@ -124,7 +124,7 @@ impl Edge {
     }
 
     /// Returns the small pixels at the strip's ends, `[ends, channels, images]`.
-    fn corners(self, shape: &Shape, x: &[f32]) -> Vec<f32> {
+    fn corners(self, shape: &Up2Shape, x: &[f32]) -> Vec<f32> {
         let (plane, [_, last]) = (shape.small[0] * shape.small[1], shape.small.map(|n| n - 1));
         let corner = |along| {
             let at = self.index(shape.small, 0, along);
@@ -135,19 +135,19 @@ impl Edge {
     }
 
     /// Returns the positions in the input's lines that an output reads, in the order of the folded weights.
-    fn shifts(self, shape: &Shape, frame: &Frame) -> Vec<usize> {
+    fn shifts(self, shape: &Up2Shape, frame: &Frame) -> Vec<usize> {
         let lines = 0..shape.channels[0];
         lines.flat_map(|line| REACH.map(move |dx| (line, dx))).map(|(line, dx)| frame.neighbour(line, 0, dx)).collect()
     }
 
     /// Returns the index in the output of a pixel of the strip.
-    fn output(self, shape: &Shape, map: usize, deep: usize, along: usize) -> usize {
+    fn output(self, shape: &Up2Shape, map: usize, deep: usize, along: usize) -> usize {
         let size = shape.small.map(|n| 2 * n);
         map * size[0] * size[1] + self.index(size, deep, along)
     }
 
     /// Adds this edge's part to the output.
-    pub(super) fn forward(self, shape: &Shape, x: &[f32], weight: &[f32], out: &mut [f32]) {
+    pub(super) fn forward(self, shape: &Up2Shape, x: &[f32], weight: &[f32], out: &mut [f32]) {
         let (frame, outputs) = (self.frame(shape), shape.channels[1]);
         let lines = self.input_lines(shape, &frame, x);
         let (folded, depth) = (self.fold(weight), shape.channels[0] * SIDE);
@@ -170,7 +170,7 @@ impl Edge {
     /// Adds the gradients of input and weight from this edge's pixels of the output.
     pub(super) fn backward(
         self,
-        shape: &Shape,
+        shape: &Up2Shape,
         x: &[f32],
         weight: &[f32],
         gradient: &[f32],
@@ -192,7 +192,7 @@ impl Edge {
         }
     }
 
-    fn input_gradient(self, shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32], whole: &mut [f32]) {
+    fn input_gradient(self, shape: &Up2Shape, frame: &Frame, lines: &[f32], weight: &[f32], whole: &mut [f32]) {
         let ([inputs, outputs], length) = (shape.channels, self.length(shape));
         let folded = self.fold(weight);
         let reads = (0..OUT * outputs).flat_map(|line| REACH.map(move |dx| (line, dx)));

@@ -8,7 +8,7 @@ use super::super::frame::Frame;
 use super::super::product::{Area, Taps, multiply};
 use super::super::scratch::Scratch;
 use super::fold::{FIRST, Fold, LAST, OUT};
-use super::shape::{SIDE, Shape};
+use super::shape::{SIDE, Up2Shape};
 
 /// The two ends: their shares of folded kernels, counted from the end.
 const ENDS: [&Fold; 2] = [&FIRST, &LAST];
@@ -19,7 +19,7 @@ fn place(end: usize, deep: usize, length: usize) -> usize {
 }
 
 /// Returns the layout of lines of one number per image.
-fn frame(shape: &Shape) -> Frame {
+fn frame(shape: &Up2Shape) -> Frame {
     Frame::new(1, [1, shape.images], [0, 0])
 }
 
@@ -44,7 +44,7 @@ fn fold(folded: &[f32], end: usize) -> Vec<f32> {
 
 /// Subtracts from strips `[OUT * outputs, images, columns]` what belongs to the strips along columns. `corners` are the small pixels at the
 /// ends, `[ends, inputs, images]`.
-pub(super) fn forward(corners: &[f32], folded: &[f32], shape: &Shape, strips: &mut [f32]) {
+pub(super) fn forward(corners: &[f32], folded: &[f32], shape: &Up2Shape, strips: &mut [f32]) {
     let ([inputs, outputs], images, frame) = (shape.channels, shape.images, frame(shape));
     let (columns, wide) = ((0..inputs).collect::<Vec<_>>(), 2 * shape.small[1]);
     let mut found = Scratch::new(OUT * OUT * outputs * images);
@@ -65,7 +65,7 @@ pub(super) struct Slope(Vec<f32>);
 
 impl Slope {
     /// Takes them from the lines of the strips' gradient.
-    pub(super) fn new(shape: &Shape, strips: &Frame, gradient: &[f32]) -> Self {
+    pub(super) fn new(shape: &Up2Shape, strips: &Frame, gradient: &[f32]) -> Self {
         let mut found = Vec::new();
         for (end, deep) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
             let along = place(end, deep, 2 * shape.small[1]);
@@ -77,7 +77,7 @@ impl Slope {
     }
 
     /// Returns the gradients of the corners, `[ends, inputs, images]`.
-    pub(super) fn of_corners(&self, folded: &[f32], shape: &Shape) -> Vec<f32> {
+    pub(super) fn of_corners(&self, folded: &[f32], shape: &Up2Shape) -> Vec<f32> {
         let ([inputs, outputs], images, frame) = (shape.channels, shape.images, frame(shape));
         let depth = OUT * OUT * outputs;
         let columns: Vec<usize> = (0..depth).map(|k| k * inputs).collect();
@@ -92,7 +92,7 @@ impl Slope {
     }
 
     /// Adds the gradient of the folded kernels to `folded`.
-    pub(super) fn of_weight(&self, corners: &[f32], shape: &Shape, folded: &mut [f32]) {
+    pub(super) fn of_weight(&self, corners: &[f32], shape: &Up2Shape, folded: &mut [f32]) {
         let ([inputs, outputs], images, frame) = (shape.channels, shape.images, frame(shape));
         let depth = OUT * OUT * outputs;
         let shifts: Vec<usize> = (0..inputs).map(|i| frame.neighbour(i, 0, 0)).collect();

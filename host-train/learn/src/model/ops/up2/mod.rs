@@ -22,7 +22,7 @@ use border::Edge;
 use pulp::Arch;
 use rayon::prelude::*;
 use shape::KERNEL;
-pub(super) use shape::{MIN_SIDE, Shape};
+pub(super) use shape::{MIN_SIDE, Up2Shape};
 
 /// Per axis and phase: (offset of the small pixel, index of the weight that it is multiplied with).
 const TAPS: [&[(isize, usize)]; 2] = [&[(-1, 0), (0, 2), (1, 4)], &[(0, 1), (1, 3)]];
@@ -35,7 +35,7 @@ fn taps(phase: [usize; 2]) -> impl Iterator<Item = (isize, isize, usize)> + Clon
     TAPS[phase[0]].iter().flat_map(move |&(dy, ky)| TAPS[phase[1]].iter().map(move |&(dx, kx)| (dy, dx, 5 * ky + kx)))
 }
 
-impl Shape {
+impl Up2Shape {
     /// Returns the layout of the small map with its edge repeated once around it. Small pixel (y, x) is at (y + 1, x + 1). Neighbours over
     /// the edge fall on the last row and column. Only products with zeros of a gradient read them.
     fn frame(&self) -> Frame {
@@ -76,7 +76,7 @@ impl Shape {
 }
 
 /// Maps `x` `[B, I, h, w]` and `weight` `[O, I, 5, 5]` to `[B, O, 2h, 2w]`.
-pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
+pub(super) fn forward(shape: &Up2Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
     let ([inputs, outputs], [rows, cols]) = (shape.channels, shape.small);
     let frame = shape.frame();
     let lines = shape.input_lines(&frame, x);
@@ -106,7 +106,7 @@ pub(super) fn forward(shape: &Shape, x: &[f32], weight: &[f32]) -> Vec<f32> {
 
 /// Returns the requested gradients of input and weight, from the output's gradient.
 pub(super) fn backward(
-    shape: &Shape,
+    shape: &Up2Shape,
     x: &[f32],
     weight: &[f32],
     gradient: &[f32],
@@ -122,7 +122,7 @@ pub(super) fn backward(
     [of_input, of_weight]
 }
 
-fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -> Vec<f32> {
+fn input_gradient(shape: &Up2Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -> Vec<f32> {
     let ([inputs, outputs], [rows, cols]) = (shape.channels, shape.small);
     let reads = PHASES.into_iter().enumerate().flat_map(|(p, phase)| {
         (0..outputs).flat_map(move |o| taps(phase).map(move |(dy, dx, k)| (p * outputs + o, -dy, -dx, o, k)))
@@ -147,7 +147,7 @@ fn input_gradient(shape: &Shape, frame: &Frame, lines: &[f32], weight: &[f32]) -
     whole
 }
 
-fn weight_gradient(shape: &Shape, frame: &Frame, lines: &[f32], x: &[f32]) -> Vec<f32> {
+fn weight_gradient(shape: &Up2Shape, frame: &Frame, lines: &[f32], x: &[f32]) -> Vec<f32> {
     let [inputs, outputs] = shape.channels;
     let input = shape.input_lines(frame, x);
     let mut whole = vec![0.0; shape.lengths()[1]];

@@ -10,7 +10,7 @@ pub(super) const KERNEL: usize = SIDE * SIDE;
 
 /// Sizes of the operator.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(in super::super) struct Shape {
+pub(in super::super) struct Up2Shape {
     /// Images.
     pub(in super::super) images: usize,
     /// Channels in and out.
@@ -19,7 +19,7 @@ pub(in super::super) struct Shape {
     pub(in super::super) small: [usize; 2],
 }
 
-impl Shape {
+impl Up2Shape {
     /// Returns the number of values of the input, the weight and the output.
     pub(in super::super) fn lengths(&self) -> [usize; 3] {
         let ([input, output], [rows, cols]) = (self.channels, self.small);
