@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""One tile through our int8 runner, ONNX Runtime and PyTorch, in turns, one thread each.
+"""One tile through our int8 runner and other runtimes, in turns, with the same number of threads.
 
     python3 benches/peers/compare.py nano tiny small paper
     python3 benches/peers/compare.py host-train/models/nano.safetensors --json
@@ -18,12 +18,30 @@ import torch
 from torch.utils.flop_counter import FlopCounterMode
 
 import files
+import other_runtimes
 import record
 import runtimes
 
 LEAST_ROUNDS = 5  # of a network that does not get through all rounds in its time
-FLOAT_TOLERANCE = 1e-5  # ONNX Runtime in float against PyTorch, share of the output's largest value
+# Runtimes in float against PyTorch, share of the output's largest value. MNN convolves by Winograd's method, which rounds more.
+FLOAT_TOLERANCE = {"onnxruntime_float": 1e-5, "openvino_float": 1e-5, "litert_float": 1e-5, "tract_float": 1e-5, "mnn_float": 1e-4}
 INT8_TOLERANCE = 0.5  # rms error of an int8 output, share of the float one's deviation; a flat output would reach 1
+
+
+# The runtimes beside ours and PyTorch: from a network and a number of threads.
+PEERS = {
+    "onnxruntime_int8": lambda net, n: runtimes.OnnxRuntime(net.int8_onnx, "ONNX Runtime int8", n),
+    "onnxruntime_float": lambda net, n: runtimes.OnnxRuntime(net.float_onnx, "ONNX Runtime float", n),
+    "openvino_int8": lambda net, n: other_runtimes.OpenVino(net.openvino_int8(), "OpenVINO int8 (NNCF)", n),
+    "openvino_bf16": lambda net, n: other_runtimes.OpenVino(net.float_onnx, "OpenVINO bf16", n, "bf16"),
+    "openvino_float": lambda net, n: other_runtimes.OpenVino(net.float_onnx, "OpenVINO float", n),
+    "litert_static": lambda net, n: other_runtimes.LiteRt(net.litert("static"), "LiteRT int8", n),
+    "litert_dynamic": lambda net, n: other_runtimes.LiteRt(net.litert("dynamic"), "LiteRT int8, ranges by tile", n),
+    "litert_float": lambda net, n: other_runtimes.LiteRt(net.litert("float"), "LiteRT float", n),
+    "mnn_int8": lambda net, n: other_runtimes.Mnn(net.mnn(8), "MNN int8 weights", n, memory="low", precision="low"),
+    "mnn_float": lambda net, n: other_runtimes.Mnn(net.mnn(), "MNN float", n, precision="high"),
+    "tract_float": lambda net, n: other_runtimes.Tract(net.float_onnx, "tract float"),
+}
 
 
 def arguments():
@@ -34,7 +52,8 @@ def arguments():
     parser.add_argument("--head", choices=["relu", "residual"], default="relu", help="of presets (default: %(default)s)")
     parser.add_argument("--precision", choices=["int8", "mixed", "int16"], default="mixed", help="ours (default: %(default)s)")
     parser.add_argument("--kernel", help="ours (default: the fastest)")
-    parser.add_argument("--no-onnx-float", action="store_true", help="leave out ONNX Runtime in float")
+    parser.add_argument("--threads", type=int, default=1, help="of each runtime (default: %(default)s)")
+    parser.add_argument("--without", nargs="*", default=[], choices=sorted(PEERS), metavar="RUNTIME", help="leave out some of: %(choices)s")
     parser.add_argument("--binaries", type=Path, help="folder of built programs, such as target/release (default: build)")
     parser.add_argument("--json", action="store_true", help="print JSON")
     parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-peers/")
@@ -67,8 +86,8 @@ def error(key, found, expected):
     """Difference from PyTorch's output; ends the program where it cannot be called the same network."""
     difference = found - expected
     rms, largest = float(np.sqrt(np.mean(difference.astype(np.float64) ** 2))), float(np.abs(difference).max())
-    if key == "onnxruntime_float":
-        name, value, limit = "largest error", largest, FLOAT_TOLERANCE * float(np.abs(expected).max())
+    if key in FLOAT_TOLERANCE:
+        name, value, limit = "largest error", largest, FLOAT_TOLERANCE[key] * float(np.abs(expected).max())
     else:
         name, value, limit = "rms error", rms, INT8_TOLERANCE * float(expected.std())
     if not value <= limit:
@@ -76,19 +95,17 @@ def error(key, found, expected):
     return {"rms_error": rms, "max_error": largest}
 
 
-def measure(net, peers, a):
+def measure(net, peers, failed, a):
     """The report on one network."""
     outputs = {key: peer.run(*net.tile)[1] for key, peer in peers.items()}
     expected = outputs["pytorch_float"]
     errors = {key: error(key, outputs[key], expected) for key in peers if key != "pytorch_float"}
-    if a.no_onnx_float:
-        peers = {key: peer for key, peer in peers.items() if key != "onnxruntime_float"}
     files.say(f"{net.name}: {a.rounds} rounds")
     times = take_turns(peers, net.tile, a.rounds, a.minutes * 60)
     report = {"network": net.name, "weights": net.weights.name, "precision": a.precision}
     report |= {"rounds": len(times["ours"]), "rounds_wanted": a.rounds, "gmac": gmacs(net.module, net.tile)}
     report |= {"output_mean": float(expected.mean()), "output_deviation": float(expected.std())}
-    report |= {"ours": peers["ours"].facts, "runtimes": {}, "ratios": {}, "ratios_of_fastest": {}}
+    report |= {"failed": failed, "ours": peers["ours"].facts, "runtimes": {}, "ratios": {}, "ratios_of_fastest": {}}
     for key, peer in peers.items():
         low, median, high = (1e3 * float(q) for q in np.quantile(times[key], [0.25, 0.5, 0.75]))
         measured = {"label": peer.label, "median_ms": median, "quartiles_ms": [low, high], "min_ms": 1e3 * min(times[key])}
@@ -102,12 +119,18 @@ def measure(net, peers, a):
 def compare(name, a, host_train, server):
     """As `measure`, from files made if need be, with runtimes opened and closed."""
     net = files.Network(name, a.head, a.precision, host_train)
-    peers = {"ours": runtimes.Ours(server, net.model, a.kernel)}
+    peers, failed = {"ours": runtimes.Ours(server, net.model, a.threads, a.kernel)}, {}
     try:
-        peers["onnxruntime_int8"] = runtimes.OnnxRuntime(net.int8_onnx, "ONNX Runtime int8")
-        peers["onnxruntime_float"] = runtimes.OnnxRuntime(net.float_onnx, "ONNX Runtime float")
-        peers["pytorch_float"] = runtimes.PyTorch(net.module, net.tile)
-        return measure(net, peers, a)
+        for key in (key for key in PEERS if key not in a.without):
+            try:
+                peers[key] = PEERS[key](net, a.threads)
+                peers[key].run(*net.tile)
+            except Exception as reason:  # whatever another program does not do; the report says so
+                peers.pop(key, None)
+                failed[key] = " ".join(str(reason).split())[:200]
+                files.say(f"FAILED: {net.name}: {key}: {failed[key]}")
+        peers["pytorch_float"] = runtimes.PyTorch(net.module, net.tile, a.threads)
+        return measure(net, peers, failed, a)
     finally:
         peers["ours"].close()
 

@@ -9,6 +9,7 @@ from safetensors import SafetensorError
 
 import network
 import onnx_files
+import other_files
 import tiles
 
 HERE = Path(__file__).resolve().parent
@@ -93,6 +94,34 @@ class Network:
         code = [HERE / f"{module}.py" for module in ("network", "onnx_files", "tiles")]
         make(self.float_onnx, code, lambda path: onnx_files.write_float(self.module, self.tile, path))
         make(self.int8_onnx, [self.float_onnx], lambda path: onnx_files.write_int8(self.float_onnx, self.calibration(), path))
+        self.stem = stem
+
+    def openvino_int8(self):
+        """Returns the file of NNCF's network, made if need be."""
+        target, code = Path(f"{self.stem}-nncf.xml"), [HERE / "other_files.py"]
+
+        def write(path):
+            other_files.write_openvino_int8(self.float_onnx, self.calibration(), path)
+            path.with_suffix(".bin").replace(target.with_suffix(".bin"))
+
+        make(target, [self.float_onnx, *code], write)
+        return target
+
+    def litert(self, kind):
+        """Returns the network's file of LiteRT, made if need be: `float`, `static` or `dynamic`."""
+        target = Path(f"{self.stem}-{kind}.tflite")
+        if kind == "float":
+            make(target, [self.float_onnx], lambda path: other_files.write_litert_float(self.module, self.tile, path))
+        else:
+            source, dynamic = self.litert("float"), kind == "dynamic"
+            make(target, [source], lambda path: other_files.write_litert_int8(source, self.calibration(), path, dynamic))
+        return target
+
+    def mnn(self, bits=None):
+        """Returns the network's file of MNN, made if need be; `bits` are those of weights, otherwise they stay in float."""
+        target = Path(f"{self.stem}-{bits or 32}.mnn")
+        make(target, [self.float_onnx], lambda path: other_files.write_mnn(self.float_onnx, path, bits))
+        return target
 
     def calibration(self):
         """Tiles other than the one that is timed."""

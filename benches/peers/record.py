@@ -10,7 +10,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
-PACKAGES = ("torch", "onnxruntime", "onnx", "numpy")
+PACKAGES = ("torch", "onnxruntime", "openvino", "nncf", "ai-edge-litert", "MNN", "tract", "onnx", "numpy")
 
 
 def output(*command):
@@ -26,7 +26,11 @@ def processor():
     about = dict(line.split("\t: ", 1) for line in reversed(lines) if "\t: " in line)
     about = {key.strip(): value for key, value in about.items()}
     name = about.get("model name", platform.machine())
-    return f"{name}, AVX-512 VNNI" if "avx512_vnni" in about.get("flags", "") else name
+    flags = about.get("flags", "").split()
+    for flag, instructions in (("amx_int8", "AMX"), ("avx512_vnni", "AVX-512 VNNI"), ("avx_vnni", "AVX-VNNI")):
+        if flag in flags:
+            return f"{name}, {instructions}"
+    return name
 
 
 def circumstances(a, load):
@@ -40,6 +44,7 @@ def circumstances(a, load):
         "cores": os.cpu_count(),
         "load": [load, os.getloadavg()[0]],
         "commit": commit,
+        "threads": getattr(a, "threads", 1),
         "binaries": str(a.binaries) if a.binaries else None,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
         "command": shlex.join(["python3", f"benches/peers/{Path(sys.argv[0]).name}", *sys.argv[1:]]),
@@ -61,7 +66,8 @@ def origin(report):
 def tile_lines(report):
     """What the table of tiles is about."""
     lines = [f"One tile of 256 x 320 in several runtimes, {report['date']}", *origin(report)]
-    lines += ["One thread each, in turns. ms, quartiles and fastest in milliseconds. GMAC/s counts the same products for all."]
+    threads = "One thread" if report["threads"] == 1 else f"{report['threads']} threads (ours: as many tiles at once, time over their number)"
+    lines += [f"{threads} each, in turns. ms, quartiles and fastest in milliseconds. GMAC/s counts the same products for all."]
     lines += ["Errors: differences from PyTorch's output, whose range is NR = 50."]
     for network in report["networks"]:
         ours, rounds = network["ours"], str(network["rounds"])
@@ -72,6 +78,7 @@ def tile_lines(report):
             f"{network['network']}: {network['weights']}, {network['gmac']:.2f} GMAC as PyTorch runs it, output {output}, {rounds} "
             f"rounds; ours: {network['precision']}, {ours['macs'] / 1e9:.2f} GMAC, arena {ours['arena_bytes']:,} bytes"
         )
+        lines += [f"{network['network']}: {key} failed: {reason}" for key, reason in network["failed"].items()]
     return lines
 
 

@@ -1,4 +1,4 @@
-"""The runtimes that are compared: each runs one tile on one thread and says how long that took."""
+"""Ours, ONNX Runtime and PyTorch: each runs one tile on `threads` threads and says how long that took."""
 import copy
 import json
 import statistics
@@ -12,39 +12,45 @@ import torch
 
 
 class Ours:
-    """The int8 runner in a process of its own (`tile_server.rs`), which measures itself: pipes and start-up do not count."""
+    """The int8 runner in processes of its own (`tile_server.rs`), which measure themselves: pipes and start-up do not count. The runner has
+    one thread, so several threads run as many tiles at once."""
 
-    def __init__(self, server, model, kernel=None):
+    def __init__(self, server, model, threads, kernel=None):
         command = [server, model] + ([kernel] if kernel else [])
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
-        line = self.process.stdout.readline()
-        if not line:
+        self.processes = [subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) for _ in range(threads)]
+        lines = [process.stdout.readline() for process in self.processes]
+        if not all(lines):
             self.close()
             raise SystemExit(f"ERROR: {server}: expected one line about {model}, found none")
-        self.facts = json.loads(line)
+        self.facts = json.loads(lines[0])
         self.label = f"ours, {self.facts['kernel']}"
 
     def run(self, image, coarse):
         # Ours takes the maps of an image side by side in every pixel.
-        self.process.stdin.write(np.moveaxis(image, 1, 3).tobytes() + coarse.tobytes())
-        self.process.stdin.flush()
-        answer = self.process.stdout.read(8 + coarse.nbytes)
-        if len(answer) != 8 + coarse.nbytes:
-            raise SystemExit(f"ERROR: {self.label}: expected {8 + coarse.nbytes} bytes, found {len(answer)}")
-        return struct.unpack("<d", answer[:8])[0], np.frombuffer(answer[8:], "<f4").reshape(coarse.shape)
+        tile = np.moveaxis(image, 1, 3).tobytes() + coarse.tobytes()
+        for process in self.processes:
+            process.stdin.write(tile)
+            process.stdin.flush()
+        answers = [process.stdout.read(8 + coarse.nbytes) for process in self.processes]
+        for answer in answers:
+            if len(answer) != 8 + coarse.nbytes:
+                raise SystemExit(f"ERROR: {self.label}: expected {8 + coarse.nbytes} bytes, found {len(answer)}")
+        seconds = max(struct.unpack("<d", answer[:8])[0] for answer in answers) / len(answers)
+        return seconds, np.frombuffer(answers[0][8:], "<f4").reshape(coarse.shape)
 
     def close(self):
-        self.process.stdin.close()
-        self.process.wait()
-        self.process.stdout.close()
+        for process in self.processes:
+            process.stdin.close()
+            process.wait()
+            process.stdout.close()
 
 
 class OnnxRuntime:
     """A session on the CPU with every graph optimisation."""
 
-    def __init__(self, path, label):
+    def __init__(self, path, label, threads):
         options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = options.inter_op_num_threads = 1
+        options.intra_op_num_threads, options.inter_op_num_threads = threads, 1
         options.execution_mode = onnxruntime.ExecutionMode.ORT_SEQUENTIAL
         options.graph_optimization_level = onnxruntime.GraphOptimizationLevel.ORT_ENABLE_ALL
         self.session = onnxruntime.InferenceSession(path, options, providers=["CPUExecutionProvider"])
@@ -60,8 +66,8 @@ class OnnxRuntime:
 class PyTorch:
     """The network in float, in the memory layout that is faster on `tile`."""
 
-    def __init__(self, network, tile, trials=3):
-        torch.set_num_threads(1)
+    def __init__(self, network, tile, threads, trials=3):
+        torch.set_num_threads(threads)
         layouts = {
             "channels first": network,
             "channels last": copy.deepcopy(network).to(memory_format=torch.channels_last),
