@@ -17,7 +17,7 @@ const PASSES: [Pass; 22] = {
 
 impl TileJob {
     /// Number of words of a job.
-    pub const WORDS: usize = 131;
+    pub const WORDS: usize = 134;
 
     /// Returns the job as words.
     #[must_use]
@@ -63,5 +63,6 @@ impl TileJob {
             *errors = ExpectedErrors::from_values(values);
         });
         self.fine.visit(words);
+        self.seals.visit(words);
     }
 }
