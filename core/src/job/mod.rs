@@ -248,6 +248,11 @@ impl TileJob {
         self.pass as u8 >= Pass::Network as u8
     }
 
+    /// Returns whether the coarse DTM's samples are still being taken.
+    pub(crate) fn takes_samples(&self) -> bool {
+        self.pass == Pass::Take
+    }
+
     /// Returns how the tile was made, once it is prepared.
     #[must_use]
     pub fn made(&self) -> Option<Made> {

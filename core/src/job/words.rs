@@ -37,7 +37,8 @@ impl TileJob {
         words.is_legal().then_some(job)
     }
 
-    fn visit(&mut self, words: &mut Words<'_>) {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
         let TileRules { pixel_m, coarse_px, anchor } = &mut self.rules;
         words.f32(pixel_m);
         words.f32(coarse_px);
