@@ -4,6 +4,7 @@ use crate::mask;
 use crate::part::{item, part};
 use crate::samples::Samples;
 use crate::tile::Shape;
+use crate::words::Words;
 
 /// The form of a pixel in memory.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -21,6 +22,8 @@ pub enum PixelFormat {
 }
 
 impl PixelFormat {
+    const ALL: [Self; 5] = [Self::F32, Self::U8, Self::U16Le, Self::U16Be, Self::U12Packed];
+
     /// Number of bytes of a row of `cols` pixels.
     #[must_use]
     pub const fn row_bytes(self, cols: usize) -> usize {
@@ -59,6 +62,51 @@ impl PixelFormat {
 enum Code {
     Float(f32),
     Number(u32),
+}
+
+/// How brightness comes from pixels as a camera has them: `gain * code + offset`.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct PixelForm {
+    /// The form of a pixel.
+    pub format: PixelFormat,
+    /// Brightness of a step of the code.
+    pub gain: f32,
+    /// Brightness of code 0.
+    pub offset: f32,
+    /// The code of a pixel without a value. Floats have none.
+    pub null_code: Option<u32>,
+    /// The smallest code of a saturated pixel, which is a void. Floats have none.
+    pub saturated_from: Option<u32>,
+}
+
+impl PixelForm {
+    /// Floats that are brightness.
+    pub const F32: Self =
+        Self { format: PixelFormat::F32, gain: 1.0, offset: 0.0, null_code: None, saturated_from: None };
+
+    /// Returns whether brightness is finite.
+    #[must_use]
+    pub fn is_legal(&self) -> bool {
+        self.gain.is_finite() && self.offset.is_finite()
+    }
+
+    /// Returns a rectangle of such pixels, whose rows follow each other without a gap.
+    #[must_use]
+    pub fn pixels<'p>(&self, bytes: &'p [u8], shape: Shape) -> Pixels<'p> {
+        let Self { format, gain, offset, null_code, saturated_from } = *self;
+        let row_bytes = format.row_bytes(shape.cols);
+        Pixels { bytes, shape, row_bytes, format, gain, offset, null_code, saturated_from }
+    }
+
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        words.choice(&mut self.format, &PixelFormat::ALL);
+        words.f32(&mut self.gain);
+        words.f32(&mut self.offset);
+        for code in [&mut self.null_code, &mut self.saturated_from] {
+            words.option(code, 0, |v, words| words.u32(v));
+        }
+    }
 }
 
 /// A rectangle of pixels. Brightness is `gain * code + offset`; relative brightness needs a linear camera with its dark signal subtracted.

@@ -4,8 +4,6 @@
 //! Beyond its outermost samples the grid is continued in a straight line ([`continued`]), up to the outer edge of the outermost pixels
 //! ([`EDGE_PX`]). Further out there is no value.
 
-use crate::part::item;
-
 /// Largest distance of a position beyond the centre of an outermost sample, in samples: half a pixel, plus slack against rounding for
 /// positions on the outer edge.
 pub const EDGE_PX: f64 = 0.5 + 1e-9;
@@ -52,17 +50,6 @@ fn bilinear(around: &[[f32; 4]; 4], down: f32, across: f32) -> f32 {
         (down * across, around[2][2]),
     ];
     corners.iter().filter(|(weight, _)| *weight > 0.0).map(|(weight, value)| weight * value).sum()
-}
-
-/// Continues the `len` samples of `line` from `at` on by `ghosts` (at most 2) samples on either side. Ghosts outside `line` are left out.
-pub(crate) fn continue_line(line: &mut [f32], at: usize, len: usize, ghosts: usize) {
-    let last = at + len.saturating_sub(1);
-    let inner = if len > 1 { 1 } else { 0 };
-    let ends = [(item(line, at), item(line, at + inner)), (item(line, last), item(line, last.wrapping_sub(inner)))];
-    for k in 1..=ghosts {
-        crate::part::put(line, at.wrapping_sub(k), continued(ends[0].0, ends[0].1, k));
-        crate::part::put(line, last + k, continued(ends[1].0, ends[1].1, k));
-    }
 }
 
 #[cfg(test)]
@@ -112,17 +99,5 @@ mod tests {
         near[2][2] = f32::INFINITY;
         assert!(!bicubic(&near, 0.25, 0.5).is_finite());
         assert_eq!(bicubic(&near, 0.0, 0.0), around()[1][1], "what has no weight does no harm");
-    }
-
-    #[test]
-    fn lines_go_on_straight() {
-        let beyond = crate::part::defaults::Expected::new();
-        let mut line = [9.0, 9.0, 4.0, 6.0, 7.0, 9.0, 9.0];
-        continue_line(&mut line, 2, 3, 2);
-        assert_eq!(line, [0.0, 2.0, 4.0, 6.0, 7.0, 8.0, 9.0]);
-        let mut one = [9.0, 5.0, 9.0];
-        continue_line(&mut one, 1, 1, 2);
-        assert_eq!(one, [5.0; 3]);
-        assert_eq!(beyond.count(), 2, "room for one ghost of two on either side");
     }
 }

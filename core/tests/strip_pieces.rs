@@ -2,6 +2,7 @@
 
 use elunar_core::nn::{Lighting, Model, Runner};
 use elunar_core::norm::Light;
+use elunar_core::pixels::PixelForm;
 use elunar_core::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
 use std::time::{Duration, Instant};
 
@@ -22,12 +23,14 @@ fn pieces_of_a_strip() {
         coarse_px: 30.0,
         anchor: true,
         light: Lighting::given(Light::from_sun(135.0, 35.0).unwrap()),
+        pixels: PixelForm::F32,
+        posts: None,
         expected_errors: false,
     };
     let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
+    let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.bytes_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, bytes: &mut valid };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
     // Noise on a slope, with voids in 1 % of the pixels.
     let noise = |row: usize, col: usize| ((row * 701 + col) * 7919) % 1013;
@@ -49,10 +52,11 @@ fn pieces_of_a_strip() {
                 0
             }
             Next::Step => {
-                // The whole network in one step, so that every tile has four steps.
-                strip.step(u64::MAX);
+                // The whole network in one step, and a step for what follows it: every tile has four steps.
+                strip.step(u64::MAX - 1);
                 1 + piece
             }
+            Next::Posts => unreachable!("a strip without posts"),
             Next::Take | Next::Done => {
                 assert!(strip.take_line(&mut line_m).unwrap().is_some());
                 5

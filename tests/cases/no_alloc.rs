@@ -3,6 +3,7 @@
 
 use elunar_core::nn::{Lighting, Model, Progress, Runner, required};
 use elunar_core::norm::Light;
+use elunar_core::pixels::PixelForm;
 use elunar_core::strip::{Next, PostGrid, Posts, Strip, StripMemory, StripPlan, StripSettings};
 use elunar_net::config::config_of;
 use elunar_net::export::{CalibrationTile, CompileOptions, MapBits, export};
@@ -87,10 +88,12 @@ fn a_strip_allocates_nothing() {
         coarse_px: 10.0,
         anchor: true,
         light: Lighting::given(Light::assumed(None)),
+        pixels: PixelForm::F32,
+        posts: None,
         expected_errors: false,
     };
     let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut bits) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
+    let (mut arena, mut bits) = (vec![0; plan.arena_bytes()], vec![0; plan.bytes_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
     let grid = PostGrid::spaced(cols / 10 + 3, (-10.0, -10.0), (10.0, 10.0));
     let (mut kept, post_row) = (vec![0.0; Posts::memory_len(grid.cols)], (0..grid.cols).map(|c| (c * c) as f32));
@@ -99,7 +102,7 @@ fn a_strip_allocates_nothing() {
     let (mut coarse_m, mut out_m, mut valid, mut lines) = (vec![0.0; cols], vec![0.0; cols], 0, 0);
 
     let before = allocations();
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut bits };
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, bytes: &mut bits };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
     let mut posts = Posts::new(grid, &mut kept).unwrap();
     let mut take = |strip: &mut Strip| {

@@ -7,6 +7,7 @@ use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::{KnownSun, LightSource, Lighting, Model, Progress, Runner, TileLight, required};
 use elunar_core::photoclinometry::{ExpectedErrors, Origin};
+use elunar_core::pixels::PixelForm;
 use elunar_core::strip::{LineErrors, Next, Strip, StripMemory, StripPlan, StripSettings};
 use elunar_core::tile::Shape;
 use elunar_core::{TileInput, TileJob, TileMemory, TileRules};
@@ -172,12 +173,14 @@ fn as_strip(model: Model<'_>, tile: &Tile, light: Lighting) -> (Made, Vec<u8>) {
         coarse_px: RULES.coarse_px,
         anchor: RULES.anchor,
         light,
+        pixels: PixelForm::F32,
+        posts: None,
         expected_errors: true,
     };
     let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut bits) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
+    let (mut arena, mut bits) = (vec![0; plan.arena_bytes()], vec![0; plan.bytes_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut bits };
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, bytes: &mut bits };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
     let mut made = Made { heights_m: Vec::new(), valid: Vec::new(), errors: Vec::new() };
     let (mut line_m, mut height_m, mut slope) = (vec![0.0; SHAPE.cols], vec![0.0; SHAPE.cols], vec![0.0; SHAPE.cols]);

@@ -1,5 +1,6 @@
 //! Errors of a job.
 
+use super::TilePart;
 use crate::error::LengthError;
 use crate::norm::NormError;
 use core::fmt;
@@ -22,6 +23,11 @@ pub enum JobError<F> {
         /// See `low`.
         high: f32,
     },
+    /// Memory of the tile has changed between two calls: begin it again.
+    Changed {
+        /// What has changed.
+        part: TilePart,
+    },
     /// A call out of order.
     State,
 }
@@ -33,6 +39,7 @@ impl<F: fmt::Display> fmt::Display for JobError<F> {
             Self::Length(error) => error.fmt(f),
             Self::Rules(error) => error.fmt(f),
             Self::Height { found, low, high } => write!(f, "heights of {low} to {high} m expected, {found} found"),
+            Self::Changed { part } => write!(f, "the tile's memory as it was left expected, {part:?} changed"),
             Self::State => f.write_str("the tile is not prepared"),
         }
     }

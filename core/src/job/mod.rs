@@ -40,6 +40,7 @@
 
 mod error;
 mod finish;
+mod guard;
 mod memory;
 mod network;
 mod prepare;
@@ -47,6 +48,7 @@ mod scale;
 mod words;
 
 pub use error::JobError;
+pub use guard::TilePart;
 pub use memory::TileMemory;
 pub use network::{InputMap, Network};
 pub use scale::TileScale;
@@ -99,8 +101,8 @@ pub enum Made {
     Empty,
 }
 
-/// A part of the work.
-#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+/// A part of the work, in order.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd)]
 enum Pass {
     Take,
     /// The fit of the light, to samples that are not filled, as that of a scene.
@@ -152,6 +154,7 @@ pub struct TileJob {
     form: Option<GuideForm>,
     expected: Option<ExpectedErrors>,
     fine: FineWaves,
+    seals: guard::Seals,
 }
 
 impl TileJob {
@@ -179,12 +182,13 @@ impl TileJob {
             form: None,
             expected: None,
             fine: FineWaves::WHOLE,
+            seals: guard::Seals::default(),
         }
     }
 
     /// Prepares a tile: takes its samples, fits its light, fills voids, normalises it as in the network's training and loads it. Does at least
     /// one unit of work, and further ones until their cost, about that of so many multiply-accumulates, reaches `budget`. `tile` and `memory`
-    /// are the same in all calls.
+    /// are the same in all calls: each call compares the memory with its checksums, and notes them anew.
     ///
     /// # Errors
     /// [`JobError`]; then the job is over.
@@ -199,14 +203,12 @@ impl TileJob {
         for found in [tile.image.len(), tile.coarse_m.len()] {
             same_length(self.tile.pixels(), found).map_err(JobError::Length)?;
         }
-        let mut spent = 0;
-        while !self.is_prepared() {
-            if spent >= budget.max(1) {
-                return Ok(Progress::Running);
+        self.guarded(memory, budget.max(1), |job, memory, mut spent| {
+            while !job.is_prepared() && spent < budget.max(1) {
+                spent += job.prepare_unit(network, tile, memory)?;
             }
-            spent += self.prepare_unit(network, tile, memory)?;
-        }
-        Ok(Progress::Done)
+            Ok(if job.is_prepared() { Progress::Done } else { Progress::Running })
+        })
     }
 
     /// Makes the heights of a prepared tile, as much of the work as `budget` allows (see [`Self::prepare`]); all with
@@ -232,20 +234,23 @@ impl TileJob {
                 return Ok(Progress::Running);
             }
         }
-        let mut spent = 0;
-        while self.pass != Pass::Finished {
-            if spent >= budget.max(1) {
-                return Ok(Progress::Running);
+        self.guarded(memory, budget.max(1), |job, memory, mut spent| {
+            while job.pass != Pass::Finished && spent < budget.max(1) {
+                spent += job.finish_unit(network, memory)?;
             }
-            spent += self.finish_unit(network, memory)?;
-        }
-        Ok(Progress::Done)
+            Ok(if job.pass == Pass::Finished { Progress::Done } else { Progress::Running })
+        })
     }
 
     /// Returns whether the samples of the tile are not needed any more.
     #[must_use]
     pub fn is_prepared(&self) -> bool {
         self.pass as u8 >= Pass::Network as u8
+    }
+
+    /// Returns whether the coarse DTM's samples are still being taken.
+    pub(crate) fn takes_samples(&self) -> bool {
+        self.pass == Pass::Take
     }
 
     /// Returns how the tile was made, once it is prepared.

@@ -316,3 +316,52 @@ fn any_words_are_harmless() {
     }
     assert!(refused > 100 && mad > 0, "{refused} {mad}");
 }
+
+#[test]
+fn memory_that_changes_between_two_calls_is_found() {
+    let (image, coarse_m) = ground();
+    for illumination in [Illumination::Any, Illumination::Sloped] {
+        let (input, light) = (rules(illumination), TileLight::default());
+        let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light };
+        let (_, expected, ..) = run(illumination, &tile, u64::MAX);
+        let (mut found, mut unused) = ([0; 3], 0);
+        for at in (0..400).step_by(3) {
+            let (mut echo, mut lent) = (Echo::new(illumination.image_maps()), Lent::new(&input, TILE));
+            let (mut job, mut step, mut part) = (TileJob::new(RULES, input, TILE), 0, at % 3);
+            let end = loop {
+                let mut memory = lent.memory();
+                let worked = if job.is_prepared() {
+                    job.run(&mut echo, &mut memory, 40_000)
+                } else {
+                    job.prepare(&mut echo, &tile, &mut memory, 40_000).map(|_| Progress::Running)
+                };
+                if worked != Ok(Progress::Running) {
+                    break worked;
+                }
+                step += 1;
+                if step == at / 3 {
+                    part = at / 3 % 3;
+                    let bit = 1 << (at % 31);
+                    let flip = |v: &mut f32| *v = f32::from_bits(v.to_bits() ^ bit);
+                    match part {
+                        0 => flip(&mut lent.coarse_m[at * 6]),
+                        1 => lent.valid[at % 330] ^= bit as u8 | 1,
+                        _ => flip(&mut lent.scratch[at * 13]),
+                    }
+                }
+            };
+            match end {
+                Err(JobError::Changed { part: found_part }) => {
+                    assert_eq!(found_part, [TilePart::Coarse, TilePart::Valid, TilePart::Scratch][part]);
+                    found[part] += 1;
+                }
+                Ok(Progress::Done) => {
+                    assert_eq!(job.heights_m(&lent.memory()), expected, "scratch memory that is not used any more");
+                    unused += 1;
+                }
+                other => panic!("{other:?}"),
+            }
+        }
+        assert!(found.iter().all(|found| *found > 5), "{found:?}, {unused} unused");
+    }
+}

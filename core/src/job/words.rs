@@ -17,7 +17,7 @@ const PASSES: [Pass; 22] = {
 
 impl TileJob {
     /// Number of words of a job.
-    pub const WORDS: usize = 131;
+    pub const WORDS: usize = 134;
 
     /// Returns the job as words.
     #[must_use]
@@ -37,7 +37,8 @@ impl TileJob {
         words.is_legal().then_some(job)
     }
 
-    fn visit(&mut self, words: &mut Words<'_>) {
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
         let TileRules { pixel_m, coarse_px, anchor } = &mut self.rules;
         words.f32(pixel_m);
         words.f32(coarse_px);
@@ -63,5 +64,6 @@ impl TileJob {
             *errors = ExpectedErrors::from_values(values);
         });
         self.fine.visit(words);
+        self.seals.visit(words);
     }
 }

@@ -1,5 +1,6 @@
 //! Errors of a run.
 
+use crate::words::Words;
 use core::fmt;
 
 /// The reason why a run cannot start or continue.
@@ -50,6 +51,35 @@ pub enum RunError {
         /// Number of the row.
         row: u32,
     },
+}
+
+impl RunError {
+    /// Writes or reads it, as a number and two values.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        let (mut kind, mut first, mut second) = match *self {
+            Self::ArenaTooSmall { required, found } => (0, required, found),
+            Self::TileSize { expected, found } => (1, expected, found),
+            Self::NotFinite { index } => (2, index, 0),
+            Self::State => (3, 0, 0),
+            Self::SelfTest { expected, found } => (4, expected as usize, found as usize),
+            Self::ModelChanged { chunk } => (5, chunk as usize, 0),
+            Self::ProgramChanged { entry } => (6, entry as usize, 0),
+            Self::DataChanged { tensor, row } => (7, tensor as usize, row as usize),
+        };
+        words.u32(&mut kind);
+        words.usize(&mut first);
+        words.usize(&mut second);
+        *self = match kind {
+            0 => Self::ArenaTooSmall { required: first, found: second },
+            1 => Self::TileSize { expected: first, found: second },
+            2 => Self::NotFinite { index: first },
+            4 => Self::SelfTest { expected: first as u32, found: second as u32 },
+            5 => Self::ModelChanged { chunk: first as u32 },
+            6 => Self::ProgramChanged { entry: first as u32 },
+            7 => Self::DataChanged { tensor: first as u32, row: second as u32 },
+            _ => Self::State,
+        };
+    }
 }
 
 impl fmt::Display for RunError {

@@ -55,6 +55,7 @@ pub use input::{Illumination, InputRules, TruthRange};
 pub use lighting::{KnownSun, LightSource, Lighting, TileLight};
 pub use model::{Model, Validation, Verdict};
 pub use runner::{Progress, Runner, Telemetry, required};
+pub(crate) use sum::{sum as sum_bytes, sum_floats};
 pub use suspend::Suspended;
 #[doc(hidden)]
 pub use tools::MatrixProduct;

@@ -30,6 +30,20 @@ pub(crate) fn sum(bytes: &[u8]) -> u32 {
     seal(lanes.into_iter().chain([bytes.len() as u32]))
 }
 
+/// Returns the checksum of floats: that of their bytes, the low ones first, so it does not depend on the processor.
+pub(crate) fn sum_floats(values: &[f32]) -> u32 {
+    let mut lanes = [0u32; LANES];
+    let (blocks, rest) = values.as_chunks::<LANES>();
+    let mut last = [0.0; LANES];
+    last.iter_mut().zip(rest).for_each(|(to, from)| *to = *from);
+    for block in blocks.iter().chain(if rest.is_empty() { None } else { Some(&last) }) {
+        for (lane, value) in lanes.iter_mut().zip(block) {
+            *lane = lane.rotate_left(1).wrapping_add(value.to_bits());
+        }
+    }
+    seal(lanes.into_iter().chain([4 * values.len() as u32]))
+}
+
 #[inline(always)]
 fn add(lanes: &mut [u32; LANES], block: &[u8; 4 * LANES]) {
     for (lane, word) in lanes.iter_mut().zip(block.as_chunks::<4>().0) {
@@ -85,6 +99,12 @@ mod tests {
                 flip(&mut bytes, first + gap);
                 prop_assert_ne!(sum(&bytes), before);
             }
+        }
+
+        #[test]
+        fn floats_are_their_bytes(values in proptest::collection::vec(any::<f32>(), 0..99)) {
+            let bytes: Vec<u8> = values.iter().flat_map(|v| v.to_le_bytes()).collect();
+            prop_assert_eq!(sum_floats(&values), sum(&bytes));
         }
 
         #[test]

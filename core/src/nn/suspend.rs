@@ -14,6 +14,7 @@ use super::error::RunError;
 use super::model::Model;
 use super::runner::{Runner, State, Telemetry};
 use super::scrub::Scrub;
+use crate::words::Words;
 
 /// The position of a runner; the default is that of a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -48,6 +49,23 @@ impl Suspended {
     pub const DONE: u32 = 2;
     /// All operators of a tile are done; the model is being compared.
     pub const VERIFYING: u32 = 3;
+
+    /// Number of words of a position.
+    pub(crate) const WORDS: usize = 18;
+
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        let Self { phase, trusting, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc, telemetry: t } = self;
+        for v in [phase, trusting, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc] {
+            words.u32(v);
+        }
+        let Telemetry { tiles, steps, macs, inputs_clamped, saturated, .. } = t;
+        [tiles, steps, macs, inputs_clamped, saturated].into_iter().for_each(|v| words.u64(v));
+        let Telemetry { scrubbed_bytes, scrub_passes, scrub_faults, self_test_faults, tile_faults, .. } = t;
+        for v in [scrubbed_bytes, scrub_passes, scrub_faults, self_test_faults, tile_faults] {
+            words.u64(v);
+        }
+    }
 }
 
 impl<'a, 'm> Runner<'a, 'm> {

@@ -37,6 +37,10 @@ pub enum StripError {
     Ended,
     /// A grid of posts without columns, or whose rows do not advance along the strip.
     Posts,
+    /// A line before the rows of posts that it needs.
+    PostsFirst,
+    /// Posts for a strip whose coarse DTM comes with its lines.
+    NoPosts,
 }
 
 impl fmt::Display for StripError {
@@ -58,6 +62,8 @@ impl fmt::Display for StripError {
             }
             Self::Full => f.write_str("strip: expected room for a line, found none: step or take lines first"),
             Self::Ended => f.write_str("strip: expected no line after the end, found one"),
+            Self::PostsFirst => f.write_str("strip: expected another row of posts before this line, found none"),
+            Self::NoPosts => f.write_str("strip: expected coarse heights with every line, found posts"),
             Self::Posts => f.write_str("posts: expected columns and a grid that runs along the strip, found none"),
         }
     }

@@ -1,7 +1,6 @@
 //! The expected errors of the tiles of a strip, and of a line of it.
 
-use super::cut::Cut;
-use crate::part::{copy, part, part_mut};
+use super::ring::{Ring, RingShape, put_floats};
 use crate::photoclinometry::{Errors, ExpectedErrors};
 use crate::tile::{Shape, Tiling};
 
@@ -17,41 +16,32 @@ pub struct LineErrors<'o> {
     pub origin: &'o mut [u8],
 }
 
-/// A ring of rows of tiles.
+/// A ring of rows of tiles: a line for each tile.
 #[derive(Debug)]
-pub(super) struct Expected<'m> {
-    pub(super) values: &'m mut [f32],
-}
+pub(super) struct Expected<'m>(pub(super) Ring<'m>);
 
 impl Expected<'_> {
     /// Number of sums of a pixel.
     pub(super) const SUMS: usize = 4;
+    const BYTES: usize = 4 * ExpectedErrors::VALUES;
 
-    /// Returns the number of rows of tiles that can reach one line, with the last row, which is moved back, and the row in progress.
-    fn rows(tiling: &Tiling, tile: Shape) -> usize {
-        tile.rows.div_ceil(tiling.stride().rows.max(1)).saturating_add(2)
-    }
-
-    /// Returns the number of values to lend.
-    pub(super) fn len(tiling: &Tiling, tile: Shape) -> Option<usize> {
-        Self::rows(tiling, tile).checked_mul(tiling.shape().cols)?.checked_mul(ExpectedErrors::VALUES)
-    }
-
-    fn place(cut: &Cut, tile: Shape, index: usize) -> usize {
-        let ring = Self::rows(&cut.tiling, tile).saturating_mul(cut.tiling.shape().cols);
-        (index % ring.max(1)).saturating_mul(ExpectedErrors::VALUES)
+    /// Returns the size of the ring: rows of tiles that can reach one line, with the last row, which is moved back, and the row in progress.
+    pub(super) fn shape(tiling: &Tiling, tile: Shape) -> Option<RingShape> {
+        let rows = tile.rows.div_ceil(tiling.stride().rows.max(1)).saturating_add(2);
+        Some(RingShape { lines: rows.checked_mul(tiling.shape().cols)?, line_bytes: Self::BYTES })
     }
 
     /// Stores those of a tile.
-    pub(super) fn keep(&mut self, cut: &Cut, tile: Shape, index: usize, errors: &ExpectedErrors) {
-        let at = Self::place(cut, tile, index);
-        copy(part_mut(self.values, at, ExpectedErrors::VALUES), &errors.to_values());
+    pub(super) fn keep(&mut self, index: usize, errors: &ExpectedErrors) {
+        self.0.write(index, |bytes| put_floats(bytes, errors.to_values()));
     }
 
-    /// Returns those of a tile that reaches a line not yet returned.
-    pub(super) fn get(&self, cut: &Cut, tile: Shape, index: usize) -> ExpectedErrors {
-        let values = part(self.values, Self::place(cut, tile, index), ExpectedErrors::VALUES);
-        values.first_chunk().map_or(ExpectedErrors::UNKNOWN, |values| ExpectedErrors::from_values(*values))
+    /// Returns those of a tile that reaches a line not yet returned, and whether they are lost since the last call.
+    pub(super) fn get(&mut self, index: usize) -> (ExpectedErrors, u64) {
+        let lost = self.0.check(index, 0..Self::BYTES);
+        let line = self.0.line(index);
+        let values = core::array::from_fn(|k| line.float(k));
+        (if line.is_lost(0) { ExpectedErrors::UNKNOWN } else { ExpectedErrors::from_values(values) }, lost)
     }
 }
 

@@ -1,10 +1,14 @@
 //! The requirements of a strip, known before its first line.
 
+use super::blend::Blend;
 use super::error::StripError;
 use super::expected::Expected;
+use super::mean::MEAN_BYTES;
+use super::posts::PostGrid;
+use super::ring::RingShape;
 use crate::job::{TileJob, TileMemory, TileRules};
 use crate::nn::{Illumination, LightSource, Lighting, Model, required};
-use crate::overlap::OverlapWeights;
+use crate::pixels::PixelForm;
 use crate::tile::{Shape, Tiling};
 
 /// The settings of a strip, known before its first line.
@@ -26,6 +30,11 @@ pub struct StripSettings {
     pub anchor: bool,
     /// The light of the whole strip ([`Lighting::decide`] for its model); [`Lighting::NOT_ASKED`] for models that know any light.
     pub light: Lighting,
+    /// The pixels of the image's lines. The lines are kept as they come.
+    pub pixels: PixelForm,
+    /// The place of the coarse DTM's posts, if it comes as rows of posts ([`super::Strip::push_posts`]); otherwise it comes with every line, on the
+    /// image's pixels, and each of its samples is kept.
+    pub posts: Option<PostGrid>,
     /// Whether [`super::Strip::take_line_with`] gives expected errors. They depend on the line's brightness, so finished lines keep their
     /// place until they are taken.
     pub expected_errors: bool,
@@ -37,17 +46,50 @@ pub struct StripPlan {
     pub(super) settings: StripSettings,
     pub(super) tile: Shape,
     arena_bytes: usize,
-    /// Number of samples for the expected errors of tiles.
-    pub(super) expected_len: usize,
+    pub(super) rings: Rings,
+    bytes_len: usize,
     samples_len: usize,
     sums_len: usize,
+}
+
+/// The rings of a strip.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub(super) struct Rings {
+    pub(super) image: RingShape,
+    pub(super) coarse: RingShape,
+    pub(super) means: RingShape,
+    pub(super) expected: RingShape,
+}
+
+impl Rings {
+    /// Returns the rings for settings; `None` if their bytes overflow.
+    fn new(settings: &StripSettings, tiling: &Tiling, tile: Shape) -> Option<Self> {
+        let StripSettings { cols, ring_lines, pixels, posts, expected_errors, .. } = *settings;
+        let floats = cols.checked_mul(4)?;
+        let coarse = match posts {
+            Some(grid) => RingShape { lines: grid.rows_for(ring_lines), line_bytes: grid.stride().checked_mul(4)? },
+            None => RingShape { lines: ring_lines, line_bytes: floats },
+        };
+        let none = RingShape { lines: 0, line_bytes: 0 };
+        Some(Self {
+            image: RingShape { lines: ring_lines, line_bytes: pixels.format.row_bytes(cols) },
+            coarse,
+            means: RingShape { lines: tile.rows, line_bytes: cols.checked_mul(MEAN_BYTES)? },
+            expected: if expected_errors { Expected::shape(tiling, tile)? } else { none },
+        })
+    }
+
+    fn bytes(&self) -> Option<usize> {
+        let Self { image, coarse, means, expected } = *self;
+        [image, coarse, means, expected].into_iter().try_fold(0usize, |sum, ring| sum.checked_add(ring.bytes()?))
+    }
 }
 
 impl StripPlan {
     /// Validates settings and computes the lengths.
     ///
     /// # Errors
-    /// [`StripError::Columns`], [`StripError::Tile`], [`StripError::Ring`], [`StripError::Pixel`], [`StripError::Light`].
+    /// [`StripError::Columns`], [`StripError::Tile`], [`StripError::Ring`], [`StripError::Pixel`], [`StripError::Posts`], [`StripError::Light`].
     pub fn new(model: &Model<'_>, settings: StripSettings) -> Result<Self, StripError> {
         let StripSettings { cols, ring_lines, overlap_px, pixel_m, coarse_px, light, expected_errors, .. } = settings;
         let tile = model.tile();
@@ -60,21 +102,18 @@ impl StripPlan {
         if ring_lines < expected {
             return Err(StripError::Ring { expected, found: ring_lines });
         }
-        if ![pixel_m, coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
+        if ![pixel_m, coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) || !settings.pixels.is_legal() {
             return Err(StripError::Pixel);
         }
+        settings.posts.map_or(Ok(()), |grid| grid.check())?;
         if light.source == LightSource::NotAsked && model.illumination() != Illumination::Any {
             return Err(StripError::Light);
         }
-        let pixels = tile.pixels();
-        let scratch_len = TileMemory::scratch_len(&model.input_rules(), tile);
-        let lines = ring_lines.checked_mul(cols).and_then(|n| n.checked_mul(2)).ok_or(many)?;
-        let expected_len = if expected_errors { Expected::len(&tiling, tile).ok_or(many)? } else { 0 };
-        let samples_len = lines.checked_add(pixels).and_then(|n| n.checked_add(scratch_len));
-        let samples_len = samples_len.and_then(|n| n.checked_add(expected_len)).ok_or(many)?;
-        let rows = tile.rows.checked_mul(cols).ok_or(many)?;
-        let sums_len = rows.checked_add(Self::aside_len(cols, tile, expected_errors)).ok_or(many)?;
-        let plan = Self { settings, tile, arena_bytes: required(model), expected_len, samples_len, sums_len };
+        let rings = Rings::new(&settings, &tiling, tile).ok_or(many)?;
+        let bytes_len = rings.bytes().and_then(|bytes| bytes.checked_add(TileMemory::valid_len(tile))).ok_or(many)?;
+        let samples_len = tile.pixels().saturating_add(TileMemory::scratch_len(&model.input_rules(), tile));
+        let sums_len = Blend::aside_len(cols, tile, expected_errors).max(TileMemory::lines_len(tile));
+        let plan = Self { settings, tile, arena_bytes: required(model), rings, bytes_len, samples_len, sums_len };
         // Memory whose bytes overflow `usize` cannot be lent.
         plan.checked_bytes().map(|_| plan).ok_or(many)
     }
@@ -104,23 +143,23 @@ impl StripPlan {
         self.arena_bytes
     }
 
-    /// Length of [`super::StripMemory::samples`]: image and coarse heights of the lines kept, the coarse heights of a tile, scratch
-    /// memory, and expected errors of some rows of tiles if wanted.
+    /// Length of [`super::StripMemory::bytes`]: image and coarse DTM of the lines kept, means of a tile's rows, expected errors of some rows of
+    /// tiles if wanted, their checksums, and a bit per pixel of a tile.
+    #[must_use]
+    pub fn bytes_len(&self) -> usize {
+        self.bytes_len
+    }
+
+    /// Length of [`super::StripMemory::samples`]: the coarse heights of a tile, and scratch memory.
     #[must_use]
     pub fn samples_len(&self) -> usize {
         self.samples_len
     }
 
-    /// Length of [`super::StripMemory::sums`]: weighted heights of a tile's rows, and a few lines.
+    /// Length of [`super::StripMemory::sums`]: a few lines, in which nothing is kept.
     #[must_use]
     pub fn sums_len(&self) -> usize {
         self.sums_len
-    }
-
-    /// Length of [`super::StripMemory::valid`]: one bit per pixel of a tile.
-    #[must_use]
-    pub fn valid_len(&self) -> usize {
-        TileMemory::valid_len(self.tile)
     }
 
     /// Number of bytes in total, without the model's own.
@@ -130,20 +169,7 @@ impl StripPlan {
     }
 
     fn checked_bytes(&self) -> Option<usize> {
-        let parts = [(self.arena_bytes, 1), (self.samples_len, 4), (self.sums_len, 8), (self.valid_len(), 1)];
+        let parts = [(self.arena_bytes, 1), (self.samples_len, 4), (self.sums_len, 8), (self.bytes_len, 1)];
         parts.into_iter().try_fold(0usize, |sum, (len, bytes)| sum.checked_add(len.checked_mul(bytes)?))
-    }
-
-    /// Number of pixels of a tile.
-    pub(super) fn pixels(&self) -> usize {
-        self.tile.rows.saturating_mul(self.tile.cols)
-    }
-
-    /// Number of sums beside those of rows: for weights, a line of the strip, four of expected errors if wanted, and one of a tile with its scratch
-    /// memory; or those of the anchor.
-    fn aside_len(cols: usize, tile: Shape, expected_errors: bool) -> usize {
-        let lines = cols.saturating_mul(if expected_errors { 1 + Expected::SUMS } else { 1 });
-        let weigh = lines.saturating_add(tile.cols).saturating_add(OverlapWeights::scratch_len(tile.cols));
-        weigh.max(TileMemory::lines_len(tile))
     }
 }

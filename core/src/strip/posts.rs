@@ -1,9 +1,10 @@
 //! Computes coarse lines on the image's grid from rows of the coarse DTM.
 
 use super::error::{StripError, lent, whole_line};
-use crate::mask::is_real;
+use crate::mask::real;
 use crate::part::{copy, item, part, part_mut};
-use crate::resample::{EDGE_PX, bicubic, continue_line, continued};
+use crate::resample::{EDGE_PX, bicubic, continued};
+use core::ops::Range;
 
 /// Number of rows that bicubic interpolation reads.
 const ROWS: usize = 4;
@@ -39,6 +40,102 @@ impl PostGrid {
             col0: -first_px.1 / spacing_px.1,
             cols_per_px: 1.0 / spacing_px.1,
         }
+    }
+
+    /// Returns an error for a grid that is none.
+    pub(super) fn check(&self) -> Result<(), StripError> {
+        let numbers = [self.row0, self.rows_per_line, self.col0, self.cols_per_px];
+        let legal = self.cols > 0 && numbers.iter().all(|v| v.is_finite()) && self.rows_per_line > 0.0;
+        if legal { Ok(()) } else { Err(StripError::Posts) }
+    }
+
+    /// Number of samples of a row that is continued on either side.
+    pub(super) const fn stride(&self) -> usize {
+        self.cols.saturating_add(2 * GHOSTS)
+    }
+
+    /// Number of rows that serve so many consecutive lines.
+    pub(super) fn rows_for(&self, lines: usize) -> usize {
+        (libm::ceil(lines as f64 * self.rows_per_line) as usize).saturating_add(ROWS + 1)
+    }
+
+    /// Returns the row at the centre of a line.
+    fn row(&self, line: usize) -> f64 {
+        self.row0 + line as f64 * self.rows_per_line
+    }
+
+    /// Returns the first row that a line needs. Lines above the grid are computed from its first rows.
+    pub(super) fn oldest(&self, line: usize) -> usize {
+        (libm::floor(self.row(line)) as usize).saturating_sub(1)
+    }
+
+    /// Returns whether a line needs no row beyond the first `rows`.
+    pub(super) fn is_ready(&self, line: usize, rows: usize) -> bool {
+        let row = self.row(line);
+        // `as` turns too large numbers into the largest one.
+        row < -EDGE_PX || (libm::floor(row) as isize).saturating_add(3) <= rows as isize
+    }
+
+    /// Returns the rows that some lines need, of the first `rows`.
+    pub(super) fn rows_of(&self, lines: Range<usize>, rows: usize) -> Range<usize> {
+        let end = self.oldest(lines.end).saturating_add(ROWS + 1).min(rows);
+        self.oldest(lines.start).min(end)..end
+    }
+
+    /// Returns a row of posts, continued on either side; voids are NaN.
+    pub(super) fn with_ghosts(posts_m: &[f32]) -> impl Iterator<Item = f32> {
+        let (last, inner) = (posts_m.len().saturating_sub(1), usize::from(posts_m.len() > 1));
+        let at = |col: usize| real(item(posts_m, col));
+        let before = move |k: usize| continued(at(0), at(inner), k);
+        let after = move |k: usize| continued(at(last), at(last - inner.min(last)), k);
+        let left = (1..=GHOSTS).rev().map(before);
+        left.chain(posts_m.iter().map(|z| real(*z))).chain((1..=GHOSTS).map(after))
+    }
+
+    /// Writes pixels of a line, by their columns, NaN without heights. `rows` rows have come; `kept` returns four samples of one of them, from a
+    /// column of the continued row on.
+    pub(super) fn interpolate<'o>(
+        &self,
+        line: usize,
+        rows: usize,
+        pixels: impl Iterator<Item = (usize, &'o mut f32)>,
+        kept: impl Fn(usize, usize) -> [f32; 4],
+    ) {
+        let row = self.row(line);
+        let above = libm::floor(row);
+        let (first, down) = (above as isize - 1, (row - above) as f32);
+        let has_rows = rows > 0 && row >= -EDGE_PX && row <= rows as f64 - 1.0 + EDGE_PX;
+        for (col, out) in pixels {
+            let at = self.col0 + col as f64 * self.cols_per_px;
+            *out = if has_rows && at >= -EDGE_PX && at <= self.cols as f64 - 1.0 + EDGE_PX {
+                let left = libm::floor(at);
+                // One before the floor, which is at least -1 because of the slack.
+                let start = (left as isize - 1 + GHOSTS as isize) as usize;
+                let around = core::array::from_fn(|k| four(first + k as isize, rows, |row| kept(row, start)));
+                let z = bicubic(&around, down, (at - left) as f32);
+                if z.is_finite() { z } else { f32::NAN }
+            } else {
+                f32::NAN
+            };
+        }
+    }
+}
+
+/// Returns four samples of a row, which may be up to two rows beyond the first or the last.
+fn four(row: isize, rows: usize, kept: impl Fn(usize) -> [f32; 4]) -> [f32; 4] {
+    let last = rows as isize - 1;
+    let kept = |row: isize| kept(row.max(0) as usize);
+    let beyond = |edge: isize, inner: isize| {
+        let (edge_m, inner_m) = (kept(edge), kept(inner));
+        let k = row.abs_diff(edge);
+        core::array::from_fn(|i| continued(item(&edge_m, i), item(&inner_m, i), k))
+    };
+    if row < 0 {
+        beyond(0, 1.min(last))
+    } else if row > last {
+        beyond(last, (last - 1).max(0))
+    } else {
+        kept(row)
     }
 }
 
@@ -87,10 +184,7 @@ impl<'m> Posts<'m> {
     /// [`StripError::Posts`] for a grid without columns, with a number that is not finite, or whose rows do not advance with lines;
     /// [`StripError::Memory`].
     pub fn new(grid: PostGrid, memory: &'m mut [f32]) -> Result<Self, StripError> {
-        let numbers = [grid.row0, grid.rows_per_line, grid.col0, grid.cols_per_px];
-        if grid.cols == 0 || !numbers.iter().all(|v| v.is_finite()) || grid.rows_per_line <= 0.0 {
-            return Err(StripError::Posts);
-        }
+        grid.check()?;
         let ring = lent(memory, Self::memory_len(grid.cols))?;
         Ok(Self { grid, ring, rows: 0, lines: 0, ended: false })
     }
@@ -104,17 +198,12 @@ impl<'m> Posts<'m> {
         if self.ended {
             return Err(StripError::Ended);
         }
-        // Lines above the grid are computed from its first rows.
-        let oldest = (libm::floor(self.row()) as usize).saturating_sub(1);
-        if self.rows >= ROWS && oldest <= self.rows - ROWS {
+        if self.rows >= ROWS && self.grid.oldest(self.lines) <= self.rows - ROWS {
             return Err(StripError::Full);
         }
-        let stride = self.stride();
+        let stride = self.grid.stride();
         let line = part_mut(self.ring, self.rows % ROWS * stride, stride);
-        for (to, &z) in line.iter_mut().skip(GHOSTS).zip(posts_m) {
-            *to = if is_real(z) { z } else { f32::NAN };
-        }
-        continue_line(line, GHOSTS, self.grid.cols, GHOSTS);
+        line.iter_mut().zip(PostGrid::with_ghosts(posts_m)).for_each(|(to, z)| *to = z);
         self.rows = self.rows.saturating_add(1);
         Ok(())
     }
@@ -127,69 +216,18 @@ impl<'m> Posts<'m> {
     /// Writes the next line, metres, NaN without heights, and returns its number; `None` if it needs another row first. A line has as many
     /// columns as `out_m`.
     pub fn line(&mut self, out_m: &mut [f32]) -> Option<usize> {
-        let row = self.row();
-        // `as` turns too large numbers into the largest one.
-        let wanted = (libm::floor(row) as isize).saturating_add(3);
-        if row >= -EDGE_PX && !self.ended && wanted > self.rows as isize {
+        if !self.ended && !self.grid.is_ready(self.lines, self.rows) {
             return None;
         }
-        if self.rows > 0 && row >= -EDGE_PX && row <= self.rows as f64 - 1.0 + EDGE_PX {
-            self.interpolate(row, out_m);
-        } else {
-            out_m.fill(f32::NAN);
-        }
+        let (ring, stride) = (&*self.ring, self.grid.stride());
+        let kept = |row: usize, start: usize| {
+            let mut four = [0.0; 4];
+            copy(&mut four, part(ring, row % ROWS * stride + start, 4));
+            four
+        };
+        self.grid.interpolate(self.lines, self.rows, out_m.iter_mut().enumerate(), kept);
         let line = self.lines;
         self.lines = line.saturating_add(1);
         Some(line)
-    }
-
-    /// Returns the row of the posts at the next line.
-    fn row(&self) -> f64 {
-        self.grid.row0 + self.lines as f64 * self.grid.rows_per_line
-    }
-
-    fn stride(&self) -> usize {
-        self.grid.cols.saturating_add(2 * GHOSTS)
-    }
-
-    fn interpolate(&self, row: f64, out_m: &mut [f32]) {
-        let above = libm::floor(row);
-        let (first, down) = (above as isize - 1, (row - above) as f32);
-        for (col, out) in out_m.iter_mut().enumerate() {
-            let at = self.grid.col0 + col as f64 * self.grid.cols_per_px;
-            *out = if at >= -EDGE_PX && at <= self.grid.cols as f64 - 1.0 + EDGE_PX {
-                let left = libm::floor(at);
-                // One before the floor, which is at least -1 because of the slack.
-                let start = (left as isize - 1 + GHOSTS as isize) as usize;
-                let around = core::array::from_fn(|k| self.four(first + k as isize, start));
-                let z = bicubic(&around, down, (at - left) as f32);
-                if z.is_finite() { z } else { f32::NAN }
-            } else {
-                f32::NAN
-            };
-        }
-    }
-
-    /// Returns four samples of a row, which may be up to two rows beyond the first or the last.
-    fn four(&self, row: isize, start: usize) -> [f32; 4] {
-        let last = self.rows as isize - 1;
-        let kept = |row: isize| {
-            let at = row.max(0) as usize % ROWS * self.stride() + start;
-            let mut four = [0.0; 4];
-            copy(&mut four, part(self.ring, at, 4));
-            four
-        };
-        let beyond = |edge: isize, inner: isize| {
-            let (edge_m, inner_m) = (kept(edge), kept(inner));
-            let k = row.abs_diff(edge);
-            core::array::from_fn(|i| continued(item(&edge_m, i), item(&inner_m, i), k))
-        };
-        if row < 0 {
-            beyond(0, 1.min(last))
-        } else if row > last {
-            beyond(last, (last - 1).max(0))
-        } else {
-            kept(row)
-        }
     }
 }

@@ -7,9 +7,9 @@ use crate::record::{ContextRecord, DROPPED, EMPTY, PREPARING, SELF_TEST, TILE};
 use crate::run::{job_status, keep_errors, run_status, runner, tile_job};
 use crate::sealed::{self, Beginning, Head, write_job};
 use crate::status::*;
-use crate::tile::{CallerTile, floats_crc};
+use crate::tile::CallerTile;
 use crate::types::eld_status_t;
-use elunar_core::nn::file::{crc32c, u32_at, word};
+use elunar_core::nn::file::{u32_at, word};
 use elunar_core::nn::{KnownSun, LightSource, Model, Validation};
 use elunar_core::{Made, Progress, TileJob};
 
@@ -94,8 +94,6 @@ pub(crate) fn begin(
     let assumed = job.lighting().source == LightSource::Assumed && job.made() == Some(Made::Predicted);
     record.tile = TILE;
     record.valid_px = job.valid_px() as u32;
-    record.validity_crc = crc32c(lent.tile.valid);
-    record.coarse_crc = floats_crc(lent.tile.coarse_m);
     record.lights_assumed = record.lights_assumed.wrapping_add(u64::from(assumed));
     keep_errors(record, &job);
     let dropped = record.notices & DROPPED != 0;

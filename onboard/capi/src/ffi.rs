@@ -508,7 +508,7 @@ pub unsafe extern "C" fn eld_output(
             true => Some(unsafe { slice_mut(valid, valid_len) }?),
             false => None,
         };
-        run::output(context, &lent, heights_m, valid)
+        run::output(context, &model, &lent, heights_m, valid)
     };
     // SAFETY: the caller's promise.
     unsafe { with_model(context, output) }

@@ -3,7 +3,7 @@
 use elunar_core::nn::{Suspended, Verdict};
 
 /// Number of eight-byte words of a record.
-pub(crate) const WORDS: usize = 34;
+pub(crate) const WORDS: usize = 33;
 
 /// No tile was begun.
 pub(crate) const EMPTY: u32 = 0;
@@ -42,12 +42,8 @@ pub(crate) struct ContextRecord {
     pub(crate) notices: u32,
     /// How the tile was made: 0 unless it is finished, [`PREDICTED`] or [`COARSE`].
     pub(crate) made: u32,
-    /// Number of pixels with valid heights, and checksum of the validity bits.
+    /// Number of pixels with valid heights.
     pub(crate) valid_px: u32,
-    pub(crate) validity_crc: u32,
-    /// Checksums of the coarse heights of a tile that is prepared, and of the heights of a finished one.
-    pub(crate) coarse_crc: u32,
-    pub(crate) heights_crc: u32,
     /// Counters: see [`crate::types::eld_telemetry_t`].
     pub(crate) calls: u64,
     pub(crate) faults: u64,
@@ -105,8 +101,7 @@ words!(r:
     [r.suspended.scrub_chunk, r.suspended.scrub_offset]
     [r.suspended.scrub_crc, r.tile_crc]
     [r.notices, r.made]
-    [r.coarse_crc, r.valid_px]
-    [r.validity_crc, r.repairs_untold]
+    [r.valid_px, r.repairs_untold]
     [r.suspended.telemetry.tiles]
     [r.suspended.telemetry.steps]
     [r.suspended.telemetry.macs]
@@ -121,8 +116,8 @@ words!(r:
     [r.repairs]
     [r.lights_assumed]
     [r.tiles_dropped]
-    [r.last_fault, r.heights_crc]
-    [r.verdict.sum_count, r.suspended.trusting]
+    [r.last_fault, r.suspended.trusting]
+    [r.verdict.sum_count]
     [r.suspended.telemetry.tile_faults]
     [r.expected_bits[0], r.expected_bits[1]]
     [r.expected_bits[2], r.expected_bits[3]]

@@ -4,12 +4,12 @@ use crate::context::{Context, Lent, Outcome};
 use crate::record::{COARSE, ContextRecord, EMPTY, PREDICTED, PREPARING, SELF_TEST, TILE};
 use crate::sealed::{read_job, write_job};
 use crate::status::*;
-use crate::tile::{floats_crc, unpack};
+use crate::tile::unpack;
 use crate::types::{
     ELD_PHASE_EMPTY, ELD_PHASE_PREPARING, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE,
     ELD_PHASE_TILE_DONE, eld_errors_t, eld_status_t, eld_telemetry_t,
 };
-use elunar_core::nn::file::crc32c;
+use elunar_core::job::TilePart;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
 use elunar_core::photoclinometry::ExpectedErrors;
 use elunar_core::{JobError, Made, TileJob};
@@ -57,11 +57,6 @@ pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, mut lent: Lent<'
         let progress = worked.map_err(run_status).inspect_err(|_| record.lose_tile())?;
         return Ok(if progress == Progress::Done { ELD_OK } else { ELD_RUNNING });
     };
-    // After the network the coarse heights are used again.
-    let uses_coarse = record.suspended.phase == Suspended::DONE || job.made() == Some(Made::Coarse);
-    if uses_coarse && floats_crc(lent.tile.coarse_m) != record.coarse_crc {
-        return Err(ELD_FAULT_DATA_CHANGED);
-    }
     let worked = job.run(&mut runner, &mut lent.tile, budget_macs);
     record.suspended = runner.suspend();
     let progress = worked.map_err(job_status).inspect_err(|_| record.lose_tile())?;
@@ -70,7 +65,6 @@ pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, mut lent: Lent<'
         return Ok(ELD_RUNNING);
     }
     record.made = if job.made() == Some(Made::Coarse) { COARSE } else { PREDICTED };
-    record.heights_crc = floats_crc(job.heights_m(&lent.tile));
     keep_errors(record, &job);
     Ok(ELD_OK)
 }
@@ -83,19 +77,15 @@ pub(crate) fn keep_errors(record: &mut ContextRecord, job: &TileJob) {
 /// Copies the finished tile; `valid` may be empty.
 pub(crate) fn output(
     context: &mut Context<'_>,
+    model: &Model<'_>,
     lent: &Lent<'_>,
     heights_m: &mut [f32],
     valid: Option<&mut [u8]>,
 ) -> Outcome {
     context.finished(TILE)?;
-    if crc32c(lent.tile.valid) != context.record.validity_crc {
-        return Err(ELD_FAULT_VALIDITY);
-    }
-    let found_m = lent.tile.scratch.get(..heights_m.len()).ok_or(ELD_FAULT_RUN)?;
-    if floats_crc(found_m) != context.record.heights_crc {
-        return Err(ELD_FAULT_DATA_CHANGED);
-    }
-    heights_m.copy_from_slice(found_m);
+    let job = tile_job(context, model, lent.job)?;
+    job.check(&lent.tile).map_err(job_status)?;
+    heights_m.copy_from_slice(job.heights_m(&lent.tile).get(..heights_m.len()).ok_or(ELD_FAULT_RUN)?);
     if let Some(valid) = valid {
         unpack(lent.tile.valid, valid);
     }
@@ -177,6 +167,8 @@ pub(crate) fn job_status(error: JobError<RunError>) -> eld_status_t {
         // From the header, which was validated before.
         JobError::Rules(_) => ELD_FAULT_MODEL_CHANGED,
         JobError::Height { .. } => ELD_FAULT_HEIGHT,
+        JobError::Changed { part: TilePart::Valid } => ELD_FAULT_VALIDITY,
+        JobError::Changed { .. } => ELD_FAULT_DATA_CHANGED,
         // Lengths and order are validated before the job is called.
         JobError::Length(_) | JobError::State => ELD_FAULT_RUN,
     }

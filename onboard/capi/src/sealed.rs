@@ -13,9 +13,9 @@ use elunar_core::nn::Validation;
 use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
-const CONTEXT: u64 = u64::from_le_bytes(*b"ELDCTX\x00\x02");
+const CONTEXT: u64 = u64::from_le_bytes(*b"ELDCTX\x00\x03");
 /// "ELDJOB" and the version of the job.
-const JOB: u64 = u64::from_le_bytes(*b"ELDJOB\x00\x01");
+const JOB: u64 = u64::from_le_bytes(*b"ELDJOB\x00\x02");
 
 /// Number of bytes of one copy of so many words.
 pub(crate) const fn copy_bytes(words: usize) -> usize {

@@ -2,7 +2,6 @@
 
 use elunar_core::mask::is_real;
 use elunar_core::nn::TileLight;
-use elunar_core::nn::file::Crc32c;
 use elunar_core::pixels::Pixels;
 use elunar_core::samples::Samples;
 use elunar_core::{TileInput, TileRules};
@@ -57,15 +56,6 @@ impl CallerTile<'_> {
         let TileInput { image, coarse_m, .. } = self.input();
         (0..coarse_m.len()).any(|i| is_real(coarse_m.at(i)) && is_real(image.at(i)))
     }
-}
-
-/// Returns the checksum of floats.
-pub(crate) fn floats_crc(values: &[f32]) -> u32 {
-    let mut crc = Crc32c::default();
-    for value in values {
-        crc.update(&value.to_bits().to_le_bytes());
-    }
-    crc.value()
 }
 
 /// Writes each bit as a byte, 1 or 0.

@@ -182,3 +182,58 @@ fn flipped_validity_bits_are_reported() {
     }
     assert!(context.output().is_ok());
 }
+
+/// Flips a bit of the tile's memory between two calls, while it is prepared and while heights are finished.
+#[test]
+fn flipped_bits_between_two_calls_are_reported_or_unused() {
+    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+    let Parts { coarse, scratch, valid, .. } = context.parts();
+    let (expected, mut state) = (tile.expected(), 7);
+    let (mut reported, mut unused) = ([0; 3], 0);
+    for round in 0..60 {
+        let kind = round % 3;
+        let part = [&coarse, &scratch, &valid][kind];
+        let (bit, mut wait) = (8 * part.start + random(&mut state) % (8 * part.len()), random(&mut state) % 14);
+        let mut flip = |context: &mut Context| {
+            if wait == 0 {
+                context.flip(bit);
+            }
+            wait = wait.wrapping_sub(1);
+        };
+        let mut status = context.begin_step(&tile.c(), STEP_MACS);
+        while status == ELD_RUNNING {
+            flip(&mut context);
+            status = context.begin_step(&tile.c(), STEP_MACS);
+        }
+        if worked(status) {
+            // The network at once: its memory is the arena.
+            status = context.step(u64::MAX >> 1);
+            while status == ELD_RUNNING {
+                flip(&mut context);
+                status = context.step(STEP_MACS);
+            }
+        }
+        match status {
+            ELD_OK => {
+                flip(&mut context);
+                match context.output() {
+                    Ok(found) => {
+                        assert_eq!((bits(&found.0), found.1), (bits(&expected.0), expected.1.clone()), "bit {bit}");
+                        unused += 1;
+                    }
+                    Err(status) => {
+                        assert!([ELD_FAULT_DATA_CHANGED, ELD_FAULT_VALIDITY].contains(&status));
+                        reported[kind] += 1;
+                    }
+                }
+            }
+            status => {
+                let expected = if kind == 2 { ELD_FAULT_VALIDITY } else { ELD_FAULT_DATA_CHANGED };
+                assert_eq!(status, expected, "bit {bit}");
+                reported[kind] += 1;
+            }
+        }
+    }
+    println!("{reported:?} reported, {unused} unused");
+    assert!(reported.iter().all(|reported| *reported > 8), "{reported:?}");
+}

@@ -2,7 +2,8 @@
 
 use super::rig::{TILE, file, settings};
 use crate::nn::Model;
-use crate::strip::{StripError, StripPlan, StripSettings};
+use crate::pixels::{PixelForm, PixelFormat};
+use crate::strip::{PostGrid, StripError, StripPlan, StripSettings};
 use crate::tile::TilingError;
 
 #[test]
@@ -12,12 +13,16 @@ fn memory_grows_by_what_a_line_and_a_column_hold() {
     let plan = |cols, ring| StripPlan::new(&model, settings(cols, ring)).unwrap();
     assert_eq!(StripPlan::least_lines(&model), TILE.rows + 1);
     let (least, longer, wider) = (plan(100, 13), plan(100, 14), plan(101, 13));
-    assert_eq!(longer.bytes() - least.bytes(), 2 * 4 * 100, "image and coarse heights of a line");
-    // In addition to the lines, weighted heights for a tile's rows, and one sum of weights.
-    assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 8 * TILE.rows + 8);
-    let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), least.valid_len()];
+    assert_eq!(longer.bytes() - least.bytes(), 2 * (4 * 100 + 4), "image and coarse heights of a line, with checksums");
+    // In addition to the lines, means of a tile's rows.
+    assert_eq!(wider.bytes() - least.bytes(), 2 * 4 * 13 + 5 * TILE.rows);
+    // Of a line of 16 bits two bytes a pixel, and nothing but posts of the coarse DTM.
+    let posts = Some(PostGrid::spaced(6, (0.0, 0.0), (20.0, 20.0)));
+    let pixels = PixelForm { format: PixelFormat::U16Le, ..PixelForm::F32 };
+    let lean = |ring| StripPlan::new(&model, StripSettings { pixels, posts, ..settings(100, ring) }).unwrap();
+    assert_eq!(lean(33).bytes() - lean(13).bytes(), 20 * (2 * 100 + 4) + (6 + 4) * 4 + 4, "and one more row of posts");
+    let parts = [least.arena_bytes(), 4 * least.samples_len(), 8 * least.sums_len(), least.bytes_len()];
     assert_eq!(least.bytes(), parts.iter().sum());
-    assert_eq!(least.valid_len(), (TILE.rows * TILE.cols).div_ceil(8));
 }
 
 #[test]
@@ -38,7 +43,16 @@ fn settings_that_cannot_be_are_refused() {
         assert_eq!(refused(StripSettings { pixel_m: bad, ..good }), StripError::Pixel);
         assert_eq!(refused(StripSettings { coarse_px: bad, ..good }), StripError::Pixel);
     }
+    let pixels = PixelForm { gain: f32::NAN, ..PixelForm::F32 };
+    assert_eq!(refused(StripSettings { pixels, ..good }), StripError::Pixel);
+    let posts = Some(PostGrid::spaced(0, (0.0, 0.0), (4.0, 4.0)));
+    assert_eq!(refused(StripSettings { posts, ..good }), StripError::Posts);
+    let dense = Some(PostGrid::spaced(9, (0.0, 0.0), (1e-18, 4.0)));
+    assert_eq!(refused(StripSettings { posts: dense, ..good }), StripError::Columns { found: 25 });
     assert_eq!(StripPlan::new(&model, good).unwrap().settings(), good);
+    for settings in [good, StripSettings { posts: dense, anchor: false, ..good }] {
+        assert_eq!(StripSettings::from_words(settings.to_words()), Some(settings));
+    }
 }
 
 #[test]

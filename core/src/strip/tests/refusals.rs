@@ -1,6 +1,6 @@
 //! Lines that cannot be pushed, and lines that are not taken.
 
-use super::rig::{Blocks, Scene, TILE, assert_same, file, settings, take};
+use super::rig::{Blocks, Scene, TILE, file, settings, take};
 use crate::error::LengthError;
 use crate::nn::{Model, Runner};
 use crate::strip::{Next, Strip, StripError, StripMemory, StripPlan};
@@ -48,7 +48,7 @@ fn a_full_ring_refuses_lines_and_loses_none() {
         strip.step(u64::MAX);
     }
     take(&mut strip, 25, &mut found);
-    assert_same(&found, &scene.heights_m(&file, &settings), "after two full rings");
+    scene.assert_heights(&found, &scene.heights_m(&file, &settings), &settings, "after two full rings");
 }
 
 #[test]
@@ -76,12 +76,12 @@ fn short_memory_and_other_models_are_refused() {
     let file = file();
     let model = Model::new(&file).unwrap();
     let plan = StripPlan::new(&model, settings(25, 20)).unwrap();
-    let whole = [plan.samples_len(), plan.sums_len(), plan.valid_len()];
+    let whole = [plan.samples_len(), plan.sums_len(), plan.bytes_len()];
     for short in 0..3 {
         let mut lens = whole;
         lens[short] -= 1;
         let (mut samples, mut sums, mut valid) = (vec![0.0; lens[0]], vec![0.0; lens[1]], vec![0; lens[2]]);
-        let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
+        let memory = StripMemory { samples: &mut samples, sums: &mut sums, bytes: &mut valid };
         let mut arena = vec![0; plan.arena_bytes()];
         let refused = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap_err();
         assert_eq!(refused, StripError::Memory(LengthError { expected: whole[short], found: whole[short] - 1 }));
@@ -115,6 +115,8 @@ fn refusals_are_one_line_each() {
         StripError::Full,
         StripError::Ended,
         StripError::Posts,
+        StripError::PostsFirst,
+        StripError::NoPosts,
     ] {
         let text = error.to_string();
         assert!(text.contains("expected") && text.contains("found") && !text.contains('\n'), "{text}");

@@ -8,6 +8,7 @@ use crate::nn::{Lighting, Model, Progress, Runner, required};
 use crate::norm::intensity::normalise;
 use crate::norm::{Anchor, ElevationScale};
 use crate::overlap::{Open, OverlapWeights};
+use crate::pixels::PixelForm;
 use crate::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
 use crate::tile::{Shape, Tiling};
 
@@ -35,6 +36,8 @@ pub(super) fn settings(cols: usize, ring_lines: usize) -> StripSettings {
         coarse_px: 4.0,
         anchor: true,
         light: Lighting::NOT_ASKED,
+        pixels: PixelForm::F32,
+        posts: None,
         expected_errors: false,
     }
 }
@@ -96,6 +99,34 @@ impl Scene {
         }
         sums.iter().zip(totals).map(|(s, t)| (s / t) as f32).collect()
     }
+
+    /// Returns the number of tiles over every pixel.
+    pub(super) fn tiles(&self, settings: &StripSettings) -> Vec<usize> {
+        let (rows, cols) = (self.rows, self.cols);
+        let whole = Shape::new(rows.max(TILE.rows), cols.max(TILE.cols));
+        let windows: Vec<_> = Tiling::new(whole, TILE, settings.overlap_px).unwrap().iter().collect();
+        let over = |i: usize| {
+            let near = |at: usize, first: usize, len: usize| at >= first && at - first < len;
+            windows.iter().filter(|w| near(i / cols, w.row, w.rows) && near(i % cols, w.col, w.cols)).count()
+        };
+        (0..rows * cols).map(over).collect()
+    }
+
+    /// Checks that heights are those of the whole scene: bit for bit under up to two tiles, else up to the next float.
+    pub(super) fn assert_heights(&self, found: &[f32], expected: &[f32], settings: &StripSettings, what: &str) {
+        let near = |a: f32, b: f32| a.is_nan() && b.is_nan() || a.to_bits().abs_diff(b.to_bits()) <= 1;
+        let take = |values: &[f32], many: bool| -> Vec<f32> {
+            let tiles = self.tiles(settings).into_iter();
+            values.iter().zip(tiles).filter(|(_, tiles)| (*tiles > 2) == many).map(|(v, _)| *v).collect()
+        };
+        assert_eq!(found.len(), expected.len(), "{what}");
+        assert_same(&take(found, false), &take(expected, false), what);
+        let (found, expected) = (take(found, true), take(expected, true));
+        let differs = found.iter().zip(&expected).position(|(a, b)| !near(*a, *b));
+        assert_eq!(differs.map(|i| (i, found[i], expected[i])), None, "{what}");
+        let others = found.iter().zip(&expected).filter(|(a, b)| a.to_bits() != b.to_bits() && !a.is_nan()).count();
+        assert!(50 * others <= found.len() + 100, "{what}: {others} of {}", found.len());
+    }
 }
 
 /// Returns the heights of one tile whose voids are not filled yet; `None` without a pixel that is real in both maps.
@@ -144,7 +175,7 @@ impl Blocks {
             arena: vec![0xA5; plan.arena_bytes() + GUARDS],
             samples: vec![-7.5; plan.samples_len() + GUARDS],
             sums: vec![-7.5; plan.sums_len() + GUARDS],
-            valid: vec![0xA5; plan.valid_len() + GUARDS],
+            valid: vec![0xA5; plan.bytes_len() + GUARDS],
         }
     }
 
@@ -153,8 +184,37 @@ impl Blocks {
         let Self { arena, samples, sums, valid } = self;
         let lent = [arena.len(), samples.len(), sums.len(), valid.len()].map(|len| len - GUARDS);
         let memory =
-            StripMemory { samples: &mut samples[..lent[1]], sums: &mut sums[..lent[2]], valid: &mut valid[..lent[3]] };
+            StripMemory { samples: &mut samples[..lent[1]], sums: &mut sums[..lent[2]], bytes: &mut valid[..lent[3]] };
         (&mut arena[..lent[0]], memory)
+    }
+
+    /// First byte of the tile's coarse heights, counted as [`Self::flip`] does.
+    pub(super) const COARSE: usize = 1 << 30;
+    /// A byte behind them, in scratch memory.
+    pub(super) const SCRATCH: usize = Self::COARSE + 4 * TILE.rows * TILE.cols;
+
+    /// Flips a bit of a byte of what is kept between two calls: of all blocks but the sums, the arena included. From [`Self::COARSE`] on those of
+    /// samples are counted.
+    pub(super) fn flip(&mut self, place: usize, bit: usize) {
+        let Self { arena, samples, valid, .. } = self;
+        let lens = [arena.len(), 4 * samples.len(), valid.len()].map(|len| len - GUARDS * 4);
+        let at = place % lens.iter().sum::<usize>();
+        let mask = 1 << bit;
+        match () {
+            () if at < lens[0] => arena[at] ^= mask,
+            () if at < lens[0] + lens[1] => {
+                let (at, v) = (at - lens[0], &mut samples[(at - lens[0]) / 4]);
+                *v = f32::from_bits(v.to_bits() ^ u32::from(mask) << (8 * (at % 4)));
+            }
+            () => valid[at - lens[0] - lens[1]] ^= mask,
+        }
+    }
+
+    /// Sets a byte of the samples, from [`Self::COARSE`] on.
+    pub(super) fn set(&mut self, place: usize, value: u8) {
+        let (at, shift) = ((place - Self::COARSE) / 4, (place - Self::COARSE) % 4 * 8);
+        let bits = self.samples[at].to_bits() & !(0xff << shift) | u32::from(value) << shift;
+        self.samples[at] = f32::from_bits(bits);
     }
 
     pub(super) fn assert_guards(&self) {

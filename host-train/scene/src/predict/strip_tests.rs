@@ -9,9 +9,11 @@ use super::tests::{place, silent};
 use super::{NamedRaster, PredictOptions, Scene, predict, predict_rows};
 use elunar_core::nn::Runner;
 use elunar_core::photoclinometry::Origin;
+use elunar_core::pixels::{PixelForm, PixelFormat};
 use elunar_core::strip::{
     LineErrors, Next, PostGrid, Posts, Strip, StripCounters, StripError, StripMemory, StripPlan, StripSettings,
 };
+use elunar_core::tile::{Shape, Tiling};
 use elunar_net::illumination::{KnownSun, Light, Lighting};
 use elunar_raster::Raster;
 use elunar_raster::resample::PixelMap;
@@ -78,6 +80,8 @@ fn settings(scene: &Scene, model: &Int8Model, options: &PredictOptions, ring_lin
         coarse_px: scene.coarse_px,
         anchor: options.anchor,
         light: scene.light_for(model.input_rules().illumination, options.sun).unwrap().whole,
+        pixels: PixelForm::F32,
+        posts: None,
         expected_errors: options.expected_errors,
     }
 }
@@ -89,9 +93,9 @@ type Maps = (Vec<f32>, Vec<f32>, Vec<f32>, Vec<u8>);
 fn line_by_line(scene: &Scene, model: &Int8Model, settings: StripSettings, budget_macs: u64) -> (Maps, StripCounters) {
     let model = model.model();
     let plan = StripPlan::new(&model, settings).unwrap();
-    let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.valid_len()]);
+    let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.bytes_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
-    let memory = StripMemory { samples: &mut samples, sums: &mut sums, valid: &mut valid };
+    let memory = StripMemory { samples: &mut samples, sums: &mut sums, bytes: &mut valid };
     let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
     let mut made: Maps = (vec![], vec![], vec![], vec![]);
     let line = || vec![0.0; scene.cols];
@@ -131,6 +135,26 @@ fn assert_same(found: &[f32], expected: &[f32], what: &str) {
     assert_eq!(first.map(|i| (i, found[i], expected[i])), None, "{what}: {many} differ");
 }
 
+/// Checks that heights are those of the ground: bit for bit under up to two tiles, else up to the next float. Returns the number of the latter.
+fn assert_heights(found: &[f32], expected: &[f32], (rows, cols): (usize, usize), overlap_px: usize) -> usize {
+    let whole = Shape::new(rows.max(256), cols.max(320));
+    let windows: Vec<_> = Tiling::new(whole, Shape::new(256, 320), overlap_px).unwrap().iter().collect();
+    let near = |at: usize, first: usize, len: usize| at >= first && at - first < len;
+    let tiles = |(row, col): (usize, usize)| {
+        windows.iter().filter(|w| near(row, w.row, w.rows) && near(col, w.col, w.cols)).count()
+    };
+    let mut others = 0;
+    assert_eq!(found.len(), expected.len());
+    for (i, (a, b)) in found.iter().zip(expected).enumerate() {
+        let (place, apart) = ((i / cols, i % cols), a.to_bits().abs_diff(b.to_bits()));
+        if apart > 0 && !(a.is_nan() && b.is_nan()) {
+            assert!(apart == 1 && (a - b).abs() < 1e-3 && tiles(place) > 2, "{place:?}: {a} instead of {b}");
+            others += 1;
+        }
+    }
+    others
+}
+
 /// Returns the maps of the ground, one after the other.
 fn errors_on_the_ground(scene: &Scene, model: &Int8Model, options: &PredictOptions) -> Vec<Vec<f32>> {
     let mut layers = vec![vec![]; options.layers()];
@@ -148,7 +172,7 @@ fn errors_on_the_ground(scene: &Scene, model: &Int8Model, options: &PredictOptio
 fn a_strip_is_the_mosaic_of_its_tiles() {
     let model = nano();
     let sun = KnownSun { azimuth_deg: Some(135.0), elevation_deg: Some(35.0) };
-    let mut of_image = 0;
+    let (mut of_image, mut others) = (0, 0);
     for ((rows, cols), ring_lines, budget_macs, anchor, overlap_px) in [
         ((600, 701), 257, 7_654_321, true, 100),
         ((530, 330), 400, u64::MAX, false, 61),
@@ -159,7 +183,7 @@ fn a_strip_is_the_mosaic_of_its_tiles() {
         let made = predict(&scene, &model, &options, &mut silent).unwrap();
         let settings = settings(&scene, &model, &options, ring_lines);
         let ((found, heights, slopes, origins), counters) = line_by_line(&scene, &model, settings, budget_macs);
-        assert_same(&found, &made.dtm.samples, &format!("{rows} x {cols}"));
+        others += assert_heights(&found, &made.dtm.samples, (rows, cols), overlap_px);
         let layers = errors_on_the_ground(&scene, &model, &options);
         assert_same(&heights, &layers[1], "errors of heights");
         assert_same(&slopes, &layers[2], "errors of slopes");
@@ -183,6 +207,8 @@ fn a_strip_is_the_mosaic_of_its_tiles() {
         assert_eq!((counters.tiles_again, counters.last_fault), (0, None));
     }
     assert!(of_image > 100_000, "{of_image}");
+    eprintln!("{others} heights are the next float");
+    assert!(others < 2_000, "{others}");
 }
 
 /// Where brightness may have nothing to do with the coarse DTM, flight and ground settle on it alike.
@@ -202,7 +228,7 @@ fn a_strip_under_a_doubtful_light_is_that_of_the_ground() {
         Ok(())
     };
     predict_span(&scene, &model, &options, light, &span, &mut keep, &mut silent).unwrap();
-    assert_same(&found, &on_the_ground, "doubtful light");
+    assert_heights(&found, &on_the_ground, (300, 330), options.overlap_px);
 
     let coarse_m = scene.band(0, scene.rows).unwrap().coarse_m;
     let settled = |((z, coarse), found): ((&f32, &f32), &f32)| (coarse + 0.37 * (z - coarse) - found).abs();
@@ -247,7 +273,14 @@ fn memory_is_as_documented() {
     let file = nano();
     let model = file.model();
     let page = std::fs::read_to_string(concat!(env!("CARGO_MANIFEST_DIR"), "/../../core/docs/strip.md")).unwrap();
-    for cols in [5064, 320] {
+    let posts = |cols: usize| Some(PostGrid::spaced(cols / 30 + 4, (-30.0, -30.0), (30.0, 30.0)));
+    let pixels = PixelForm { format: PixelFormat::U16Le, ..PixelForm::F32 };
+    for (cols, form, pixels, posts) in [
+        (5064, "16 bits, posts", pixels, posts(5064)),
+        (5064, "floats, lines", PixelForm::F32, None),
+        (320, "16 bits, posts", pixels, posts(320)),
+        (320, "floats, lines", PixelForm::F32, None),
+    ] {
         for more in [0, 156] {
             let ring_lines = StripPlan::least_lines(&model) + more;
             let settings = StripSettings {
@@ -258,12 +291,15 @@ fn memory_is_as_documented() {
                 coarse_px: 30.0,
                 anchor: true,
                 light: Lighting::given(Light::assumed(None)),
+                pixels,
+                posts,
                 expected_errors: false,
             };
             let plan = StripPlan::new(&model, settings).unwrap();
             let parts =
-                [plan.arena_bytes(), 4 * plan.samples_len(), 8 * plan.sums_len(), plan.valid_len(), plan.bytes()];
-            let row = format!("| {cols} | {ring_lines} | {} |", parts.map(|bytes| bytes.to_string()).join(" | "));
+                [plan.arena_bytes(), plan.bytes_len(), 4 * plan.samples_len(), 8 * plan.sums_len(), plan.bytes()];
+            let row =
+                format!("| {cols} | {form} | {ring_lines} | {} |", parts.map(|bytes| bytes.to_string()).join(" | "));
             eprintln!("{row}");
             assert!(page.contains(&row), "core/docs/strip.md lacks {row}");
         }

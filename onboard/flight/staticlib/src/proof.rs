@@ -174,6 +174,10 @@ root! {
     elunar_root_strip_push(strip: &mut Strip<'_, '_>, image: &[f32], coarse_m: &[f32]) -> Result<usize, StripError> {
         strip.push_line(image, coarse_m)
     }
+    elunar_root_strip_pixels(strip: &mut Strip<'_, '_>, image: &[u8], coarse_m: &[f32]) -> Result<usize, StripError> {
+        strip.push_pixels(image, coarse_m)
+    }
+    elunar_root_strip_posts(strip: &mut Strip<'_, '_>, posts_m: &[f32]) -> Result<(), StripError> { strip.push_posts(posts_m) }
     elunar_root_strip_finish(strip: &mut Strip<'_, '_>) -> () { strip.finish() }
     elunar_root_strip_step(strip: &mut Strip<'_, '_>, macs: u64) -> Next { strip.step(macs) }
     elunar_root_strip_ready(strip: &Strip<'_, '_>) -> usize { strip.ready() }
