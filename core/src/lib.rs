@@ -19,7 +19,7 @@
 //! [`fill`] fills voids, [`overlap`] gives the weights for blending tiles.
 //!
 //! The figures of comparison are in [`loss`] (Eq. 5–7, with analytic gradients; the reference for training), [`metrics`] (Eq. 11–18) and
-//! [`terrain`] (slope, hillshade, normals and, line by line, the hazards of a lander's footprint).
+//! [`terrain`] (slope, hillshade, normals and, line by line, the hazards of a lander's footprint). [`sun`] says where the Sun stands.
 #![cfg_attr(not(test), no_std)]
 
 pub mod error;
@@ -39,6 +39,7 @@ pub mod quant;
 pub mod resample;
 pub mod samples;
 pub mod strip;
+pub mod sun;
 pub mod terrain;
 pub mod tile;
 mod words;
