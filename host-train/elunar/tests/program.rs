@@ -3,7 +3,9 @@
 mod common;
 
 use common::{elunar, made};
+use elunar_core::sun::{Body, sub_solar};
 use elunar_raster::geotiff::{WriteOptions, read, read_item, write};
+use elunar_raster::sun::StatedSun;
 use std::path::{Path, PathBuf};
 
 const MODELS: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models");
@@ -338,4 +340,39 @@ fn the_coarse_dtm_of_an_item_is_read_as_heights() {
     assert!(text.starts_with("ERROR: c.tif: heights in m, km") && text.contains("found \"degree\""), "{text}");
     let stated = [&words[..], &["--option", "coarse_unit=km"]].concat();
     assert!(made(at, &stated).contains("1 items"), "the user knows better");
+}
+
+#[test]
+fn the_sun_follows_from_the_time_of_the_image() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, predict) = bench(folder.path());
+    let image = elunar_raster::source::open(&folder.path().join("s/scene_0000_image.tif")).unwrap();
+    let sun = |day: &u32| {
+        let text = format!("2009-08-{day:02}T00:00:00");
+        let found = StatedSun::at_time(image.info(), text.parse().unwrap()).unwrap();
+        (text, found.azimuth_deg.unwrap(), found.elevation_deg.unwrap())
+    };
+    let (time, azimuth_deg, elevation_deg) = (1..=31).map(|day| sun(&day)).find(|sun| sun.2 > 20.0).unwrap();
+    // The time that the user tells comes before the angles of the file.
+    let (found, text) = json(folder.path(), &predict(&["--json", "--time", &time]));
+    let light = &found["light"];
+    assert_eq!(
+        [&light["azimuth_from_time"], &light["elevation_from_time"], &light["azimuth_from_file"]],
+        [true, true, false]
+    );
+    assert!((light["azimuth_deg"].as_f64().unwrap() - azimuth_deg).abs() < 0.01, "{found}");
+    assert!(text.contains("(azimuth and elevation from the image's time)"), "{text}");
+    // At night the file's angles count.
+    let night = (1..=31).map(|day| sun(&day)).find(|sun| sun.2 < -5.0).unwrap().0;
+    let (found, text) = json(folder.path(), &predict(&["--json", "--time", &night]));
+    assert_eq!([&found["light"]["azimuth_from_time"], &found["light"]["elevation_from_file"]], [true, true]);
+    assert!(text.contains("the Sun's elevation at its time is not used"), "{text}");
+    // `sun` says the same.
+    let out = elunar(folder.path(), &["sun", &time, "--json"]);
+    let said: serde_json::Value = serde_json::from_slice(&out.stdout).unwrap();
+    let point = sub_solar(Body::Moon, time.parse().unwrap());
+    assert_eq!(said["sub_solar"]["lat_deg"].as_f64(), Some(point.lat_deg));
+    let refused = elunar(folder.path(), &["sun", "yesterday"]);
+    assert!(String::from_utf8_lossy(&refused.stderr).contains("a moment in UTC"), "{refused:?}");
+    assert!(elevation_deg < 90.0);
 }

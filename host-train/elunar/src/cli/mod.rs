@@ -18,6 +18,7 @@ pub mod prepare;
 pub mod render;
 pub mod sfs;
 pub mod status;
+pub mod sun;
 pub mod synth;
 
 use clap::{Parser, Subcommand};
@@ -79,6 +80,8 @@ pub enum Shared {
     Lola(lola::Args),
     /// Describe a file: raster, label, track, model or weights.
     Inspect(inspect::Args),
+    /// Say where the Sun stands on the Moon or on Mars.
+    Sun(sun::Args),
 }
 
 /// Runs a command of `elunar`.
@@ -115,6 +118,7 @@ pub fn run_shared(command: Shared) -> Result<()> {
         Shared::Mosaic(args) => mosaic::run(args),
         Shared::Lola(args) => lola::run(args),
         Shared::Inspect(args) => inspect::run(args),
+        Shared::Sun(args) => sun::run(&args),
     }
 }
 

@@ -102,7 +102,7 @@ pub fn run(args: Args) -> Result<()> {
     let source = if angles == sun.sun { "given" } else { "fitted" };
     let light =
         format!("azimuth {} deg, elevation {} deg; {source}", settings.sun_azimuth_deg, settings.sun_elevation_deg)
-            + sun.origin_of(&lighting);
+            + &sun.origin_of(&lighting);
     let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors: None };
     let from = (settings.description(), light);
     let finished = finish(&mut |take| part.read(take), &scene, (&from.0, &from.1, &identity), files, &owner)?;

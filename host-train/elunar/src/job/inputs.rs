@@ -1,13 +1,14 @@
 //! The inputs of a job: image and coarse DTM, with what the user says about them.
 
 use super::words;
-use elunar_base::Result;
+use elunar_base::{Error, Result};
+use elunar_core::sun::UtcTime;
 use elunar_net::illumination::KnownSun;
 use elunar_raster::Crs;
 use elunar_raster::stated::{HeightUnit, Statements};
 use elunar_raster::sun::StatedSun;
 use elunar_scene::predict::notices::check_exchange;
-use elunar_scene::predict::sun::KnownFrom;
+use elunar_scene::predict::sun::{KnownFrom, SunEvidence};
 use elunar_scene::predict::{NamedRaster, Scene};
 use std::path::PathBuf;
 
@@ -41,7 +42,11 @@ pub struct Inputs {
     /// Elevation of the Sun, degrees above the horizon, above 0 and below 90 [default: as the image's file states it].
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub sun_elevation: Option<f64>,
-    /// Do not use the angles of the Sun that the image's file states: fit those that are not given.
+    /// When the image was taken, UTC: the Sun stands as it did over the image's place on the Moon or on Mars [default: as the image's file states
+    /// it, for angles that the file does not state].
+    #[arg(long, value_name = "TIME", conflicts_with = "fit_sun")]
+    pub time: Option<UtcTime>,
+    /// Do not use the angles of the Sun and the time that the image's file states: fit angles that are not given.
     #[arg(long)]
     pub fit_sun: bool,
 }
@@ -65,9 +70,22 @@ impl Inputs {
         let image = NamedRaster::image(&self.image, self.image_srs.clone(), self.image_nodata)?;
         let coarse = self.open_coarse()?;
         check_exchange(&image, &coarse, self.coarse_unit.is_some())?;
-        let of_file = if self.fit_sun { StatedSun::default() } else { image.source.info().sun };
-        let sun = KnownFrom::new(self.known_sun(), &image.name, of_file)?;
+        let sun = KnownFrom::new(self.known_sun(), &image.name, self.sun_evidence(&image)?)?;
         Ok(Opened { scene: Scene::new(image.clone(), coarse)?, image, sun })
+    }
+
+    /// Returns what the image's file and the time say of the Sun.
+    fn sun_evidence(&self, image: &NamedRaster) -> Result<SunEvidence> {
+        let info = image.source.info();
+        let file = if self.fit_sun { StatedSun::default() } else { info.sun };
+        let timed = self.time.or(file.time).and_then(|time| StatedSun::at_time(info, time));
+        if self.time.is_some() && timed.is_none() {
+            return Err(Error::input(format!(
+                "--time: {}: a place on the Moon or on Mars expected, none found",
+                image.name
+            )));
+        }
+        Ok(SunEvidence { file, timed: timed.unwrap_or_default(), time_is_told: self.time.is_some() })
     }
 
     /// Opens the coarse DTM, with what the user says about it.

@@ -37,7 +37,7 @@ pub(super) fn write(
     let model = task.model.description();
     let Tally { light, change, .. } = *tally;
     let changes = change.map_or(String::new(), |change| format!("; {change}"));
-    let stored = light_text(&light) + sun.origin_of(&light) + &changes;
+    let stored = light_text(&light) + &sun.origin_of(&light) + &changes;
     let sigma_m = args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m));
     let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
     let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors };
@@ -48,7 +48,7 @@ pub(super) fn write(
     let beyond = notice_of_heights(&args.output.display().to_string(), scene, &finished);
     super::warn(&beyond);
     warnings.extend(beyond);
-    let mut text = summary(&args.output, scene, &finished, tally) + sun.origin_of(&light) + &changes;
+    let mut text = summary(&args.output, scene, &finished, tally) + &sun.origin_of(&light) + &changes;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
         let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
         let origins = origins_text(origins);

@@ -48,6 +48,7 @@ impl Rule {
             match (item.role.as_str(), item.name.as_str()) {
                 ("", "SUN_AZIMUTH_DEG") => sun.azimuth_deg = angle(&item.text),
                 ("", "SUN_ELEVATION_DEG") => sun.elevation_deg = angle(&item.text),
+                ("", "IMAGE_TIME" | "START_TIME") => sun.time = sun.time.or(item.text.parse().ok()),
                 ("scale", _) => scale = finite(file, "band scale", &item.text)?,
                 ("offset", _) => offset = finite(file, "band offset", &item.text)?,
                 ("unittype", _) => of_band = Some(item.text.trim().to_string()).filter(|unit| !unit.is_empty()),

@@ -2,6 +2,8 @@
 
 use super::super::sun::StatedSun;
 use super::label::{LabelBlock, LabelItem};
+use super::value::ValueKind;
+use elunar_core::sun::UtcTime;
 
 /// Returns the Sun that a label states.
 ///
@@ -9,18 +11,28 @@ use super::label::{LabelBlock, LabelItem};
 /// - The azimuth is `SUB_SOLAR_AZIMUTH` plus 90 degrees: the keyword counts clockwise from the line between the image's centre and the middle
 ///   of its right edge (PDS3 Data Dictionary). It holds for the camera's frame, so it is left out for a map-projected image (`mapped`).
 ///
+/// - The time is `IMAGE_TIME`, else `START_TIME`.
+///
 /// A keyword may stand in any block; the first one counts. One in another unit than degrees is left out.
 pub(super) fn stated(label: &LabelBlock, mapped: bool) -> StatedSun {
     let angle = |key: &str| first(label, key).and_then(degrees);
     StatedSun {
         azimuth_deg: angle("SUB_SOLAR_AZIMUTH").filter(|_| !mapped).map(|deg| (deg + 90.0).rem_euclid(360.0)),
         elevation_deg: angle("INCIDENCE_ANGLE").map(|deg| 90.0 - deg),
+        time: ["IMAGE_TIME", "START_TIME"].iter().find_map(|key| moment(first(label, key)?)),
     }
 }
 
 fn first<'a>(block: &'a LabelBlock, key: &str) -> Option<&'a LabelItem> {
     let here = block.items.iter().find(|item| item.key == key && !item.value.is_absent());
     here.or_else(|| block.blocks.iter().find_map(|inner| first(inner, key)))
+}
+
+fn moment(item: &LabelItem) -> Option<UtcTime> {
+    match &item.value.kind {
+        ValueKind::Time(text) | ValueKind::Text(text) => text.parse().ok(),
+        _ => None,
+    }
 }
 
 fn degrees(item: &LabelItem) -> Option<f64> {
@@ -45,6 +57,20 @@ mod tests {
         // Beyond a whole turn, and within a block.
         let inside = "GROUP = A\nSUB_SOLAR_AZIMUTH = 300\nEND_GROUP\nEND\n";
         assert_eq!(sun(inside, false), (Some(30.0), None));
+    }
+
+    #[test]
+    fn the_time_is_the_images_or_its_start() {
+        let time = |text: &str| stated(&LabelBlock::parse(text.as_bytes()).unwrap(), true).time;
+        let known = "2009-08-30T12:00:00".parse().ok();
+        assert!(known.is_some());
+        assert_eq!(time("START_TIME = 2009-08-30T12:00:00.000\nSTOP_TIME = 2009-08-30T12:01:00\nEND\n"), known);
+        assert_eq!(
+            time("GROUP = A\nSTART_TIME = 2009-242T11:59:00\nIMAGE_TIME = 2009-242T12:00:00\nEND_GROUP\nEND\n"),
+            known
+        );
+        assert_eq!(time("START_TIME = \"UNK\"\nEND\n"), None);
+        assert_eq!(time("START_TIME = 12:00:00\nEND\n"), None);
     }
 
     #[test]

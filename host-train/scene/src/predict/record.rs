@@ -3,7 +3,7 @@
 use super::Tally;
 use super::errors::Origins;
 use super::neighbourhoods::Change;
-use super::sun::KnownFrom;
+use super::sun::{AngleSource, KnownFrom};
 use elunar_net::illumination::{LightSource, Lighting};
 use serde::Serialize;
 
@@ -139,6 +139,10 @@ pub struct LightRecord {
     pub azimuth_from_file: bool,
     /// Whether the elevation is from the image's file.
     pub elevation_from_file: bool,
+    /// Whether the azimuth is that of the image's time.
+    pub azimuth_from_time: bool,
+    /// Whether the elevation is that of the image's time.
+    pub elevation_from_time: bool,
     /// How it changes across the scene; `None` if the scene has one light.
     pub change: Option<Change>,
 }
@@ -164,8 +168,10 @@ impl LightRecord {
             trust,
             related,
             long_share,
-            azimuth_from_file: sun.azimuth_from_file,
-            elevation_from_file: sun.elevation_from_file,
+            azimuth_from_file: sun.azimuth_from == AngleSource::File,
+            elevation_from_file: sun.elevation_from == AngleSource::File,
+            azimuth_from_time: sun.azimuth_from == AngleSource::Time,
+            elevation_from_time: sun.elevation_from == AngleSource::Time,
             change,
         })
     }

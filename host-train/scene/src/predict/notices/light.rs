@@ -1,7 +1,7 @@
 //! The Sun against the scene.
 
 use super::super::Survey;
-use super::super::sun::KnownFrom;
+use super::super::sun::{AngleSource, KnownFrom};
 use super::percent;
 use elunar_net::illumination::{LightSource, Lighting};
 
@@ -30,12 +30,11 @@ pub(super) fn contradiction(survey: &Survey, sun: &KnownFrom, lighting: &Lightin
     if fit.trust <= TRUST_MIN || apart_deg <= AZIMUTH_DEG || apart_deg <= AZIMUTH_SDS * sd_deg {
         return None;
     }
-    let (whose, instead) = match sun.azimuth_from_file {
-        true => (
-            "the Sun's azimuth in the image's file",
-            "if the image was turned, say --sun-azimuth, or in `predict` --fit-sun",
-        ),
-        false => ("--sun-azimuth", "degrees are clockwise from the grid's up"),
+    let turned = "if the image was turned, say --sun-azimuth, or in `predict` --fit-sun";
+    let (whose, instead) = match sun.azimuth_from {
+        AngleSource::File => ("the Sun's azimuth in the image's file", turned),
+        AngleSource::Time => ("the Sun's azimuth at the image's time", "if place or time are wrong, say --sun-azimuth"),
+        AngleSource::User => ("--sun-azimuth", "degrees are clockwise from the grid's up"),
     };
     Some(format!(
         "{whose} is {told_deg:.0} deg, but image and coarse DTM show a Sun at {fitted_deg:.0} +- {sd_deg:.0} deg, trust {:.2}: {instead}",

@@ -1,7 +1,7 @@
 //! Ordinary scenes have no warning, and each warning has its cause.
 
 use super::super::job::Finished;
-use super::super::sun::KnownFrom;
+use super::super::sun::{AngleSource, KnownFrom};
 use super::super::{NamedRaster, Scene, Survey};
 use super::light::share_of_relief;
 use super::{check_exchange, notice_of_heights, notices};
@@ -86,7 +86,7 @@ fn a_sun_against_the_fit_is_told() {
         assert!(text.starts_with("--sun-azimuth is ") && text.contains("show a Sun at "), "{text}");
         assert!(text.contains("clockwise from the grid's up"), "{text}");
     }
-    let of_file = KnownFrom { azimuth_from_file: true, ..told((azimuth_deg + 90.0) % 360.0, elevation_deg) };
+    let of_file = KnownFrom { azimuth_from: AngleSource::File, ..told((azimuth_deg + 90.0) % 360.0, elevation_deg) };
     let text = the_one(&scene, &of_file);
     assert!(text.starts_with("the Sun's azimuth in the image's file is") && text.contains("--fit-sun"), "{text}");
     // A network that takes no light cannot be misled.
