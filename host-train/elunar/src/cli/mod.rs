@@ -5,6 +5,7 @@ pub mod diff;
 pub mod evaluate;
 pub mod export;
 pub mod hillshade;
+#[cfg(test)]
 mod input;
 pub mod inspect;
 pub mod join;
@@ -19,14 +20,19 @@ pub mod render;
 pub mod sfs;
 pub mod status;
 pub mod synth;
+pub mod talk;
 
 use clap::{Parser, Subcommand};
 use elunar_base::Result;
+use talk::Talk;
 
 /// Terrain models of the Moon from one orbiter image and a coarse DTM.
 #[derive(Debug, Parser)]
 #[command(name = "elunar", version, about, arg_required_else_help = true)]
 pub struct Cli {
+    /// How much is said.
+    #[command(flatten)]
+    pub talk: Talk,
     /// Command to run.
     #[command(subcommand)]
     pub command: Command,
