@@ -1,6 +1,7 @@
 //! The commands. Each has a file with its `Args` and its `run`.
 
 pub mod batch;
+pub mod completions;
 pub mod diff;
 pub mod evaluate;
 pub mod export;
@@ -11,6 +12,7 @@ pub mod inspect;
 pub mod join;
 pub mod latency;
 pub mod lola;
+pub mod man;
 pub mod manifest;
 pub mod mosaic;
 pub mod plan;
@@ -47,6 +49,10 @@ pub enum Command {
     Join(Box<join::Args>),
     /// Measure the latency of one tile.
     Latency(latency::Args),
+    /// Print completions of the command line for a shell.
+    Completions(completions::Args),
+    /// Write manual pages of all commands.
+    Man(man::Args),
     /// The commands that `elunar` and `host-train` share.
     #[command(flatten)]
     Shared(Shared),
@@ -96,6 +102,8 @@ pub fn run(command: Command) -> Result<()> {
         Command::Predict(args) => predict::run(*args),
         Command::Join(args) => join::run(*args),
         Command::Latency(args) => latency::run(args),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => man::run(&args),
         Command::Shared(shared) => run_shared(shared),
     }
 }
