@@ -79,3 +79,47 @@ pub fn predict(
     let json = found.record(args, &work, &tally, &finished, errors).json();
     Ok(PredictedMaps { maps, shape, georef: work.scene.georef, json })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cli::{Cli, Command};
+    use crate::job;
+    use clap::Parser;
+    use elunar_raster::source::InMemory;
+    use elunar_raster::{geotiff, source};
+    use elunar_synth::{Moon, SynthOptions};
+    use std::sync::Arc;
+
+    #[test]
+    fn held_rasters_give_the_heights_and_errors_of_files() {
+        let folder = tempfile::tempdir().unwrap();
+        Moon::new(3, SynthOptions::default()).unwrap().scene(0, 60, 70).unwrap().write(folder.path()).unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let (image, coarse, output, errors) =
+            (at("scene_0000_image.tif"), at("scene_0000_coarse.tif"), at("dtm.tif"), at("errors.tif"));
+        let options = [("--image", &image), ("--coarse", &coarse), ("-o", &output), ("--uncertainty", &errors)];
+        let words = options.iter().flat_map(|(name, path)| [(*name).into(), path.as_os_str().to_owned()]);
+        let first = ["elunar", "predict", "--model", "ground", "--fit-sun"].map(Into::into);
+        let Command::Predict(args) = Cli::try_parse_from(first.into_iter().chain(words)).unwrap().command else {
+            panic!("another command");
+        };
+        job::run(&args.request, job::open).unwrap();
+        let mut held = Held::default();
+        for path in [&image, &coarse] {
+            held.add(path.as_path(), Arc::new(InMemory::new(source::read(path).unwrap(), None, "memory")));
+            std::fs::remove_file(path).unwrap();
+        }
+        let in_memory = MemoryJob { held, expected_errors: true, coarse_pixel_m: None };
+        let made = predict(&args.request, &in_memory, job::open).unwrap();
+        let bits = |samples: &[f32]| samples.iter().map(|v| v.to_bits()).collect::<Vec<_>>();
+        let dtm = geotiff::read(&output).unwrap();
+        let sigma = source::read_all(&*geotiff::open_band(&errors, 0).unwrap()).unwrap();
+        assert!(made.shape == (60, 70) && Some(&made.georef) == dtm.georef.as_ref());
+        assert_eq!(bits(&made.maps.heights_m), bits(&dtm.samples));
+        assert_eq!(bits(&made.maps.errors.unwrap().heights_m), bits(&sigma.samples));
+        let other = MemoryJob { coarse_pixel_m: Some(1.0), ..in_memory };
+        let text = predict(&args.request, &other, job::open).unwrap_err().to_string();
+        assert!(text.contains("coarse_pixel_size: pixels of 2 m at least expected"), "{text}");
+    }
+}
