@@ -39,6 +39,10 @@ def listener(progress: Progress) -> Iterator[_native.Progress | None]:
     def show(what: str, done: int, all: int, unit: str) -> None:
         bar = bars.get(what)
         if bar is None:
+            # One work begins when the one before is done.
+            for before in bars.values():
+                before.n = before.total
+                before.refresh()
             bar = bars[what] = tqdm(total=all, desc=what or None, unit=f" {unit}")
         bar.total, bar.n = all, done
         bar.refresh()
