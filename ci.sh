@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # The steps: each is a function below.
-everything=(format lint supply book test no_std boards checked asan miri backends vulkan cluster)
+everything=(format lint supply book test python no_std boards checked asan miri backends vulkan cluster)
 on_request=(architecture order fuzz no_panic) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -92,6 +92,29 @@ vulkan() {
 
 test() {
     cargo test --locked --workspace
+}
+
+# The Python package: a wheel in an environment of its own, with its tests, types and example. Built as `test` builds, so that little is
+# compiled again.
+python() {
+    local venv="$target/python" wheels="$target/wheels" root="$PWD"
+    if ! python3 -c "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 10))" 2>/dev/null; then
+        echo "SKIPPED: python: no Python of 3.10 or later with venv (Debian package python3-venv)"
+        return
+    fi
+    [ -x "$venv/bin/maturin" ] || python3 -m venv --clear "$venv"
+    if ! "$venv/bin/python" -m pip install --quiet "maturin>=1.9.4,<2" matplotlib mypy numpy pytest rasterio rioxarray tqdm; then
+        echo "SKIPPED: python: maturin and what the tests need cannot be installed (pip install maturin)"
+        return
+    fi
+    cargo build --locked --package elunar
+    rm -rf "$wheels"
+    "$venv/bin/maturin" build --quiet --locked --profile dev --out "$wheels"
+    "$venv/bin/python" -m pip install --quiet --no-deps --force-reinstall "$wheels"/elunardtm-*.whl
+    ELUNAR="$target/debug/elunar" ELUNAR_REQUIRE_ORACLES=1 "$venv/bin/python" -m pytest -q -p no:cacheprovider
+    # Elsewhere, so that the package that is installed is checked.
+    (cd "$target" && "$venv/bin/python" -m mypy --config-file "$root/pyproject.toml")
+    "$venv/bin/python" host-train/python/examples/figure.py "$target/python.png"
 }
 
 # The whole suite twice, in random order: one test at a time, then eight at once. Shuffling is an unstable option of the test runner, which

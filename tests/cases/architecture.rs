@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The packages of this repository, each with the others that it may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 17] = [
+const EDGES: [(&str, &[&str]); 18] = [
     ("elunar-core", &[]),
     ("elunar-testing", &[]),
     ("elunar-base", &[]),
@@ -72,6 +72,7 @@ const EDGES: [(&str, &[&str]); 17] = [
             "elunar",
         ],
     ),
+    ("elunar-python", &["elunar-base", "elunar-raster", "elunar-synth", "elunar-evaluate", "elunar-scene", "elunar"]),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
     (
@@ -215,7 +216,9 @@ fn only_learn_and_what_stands_on_it_is_built_with_burn() {
         whole.iter().any(|(_, package)| package == "burn" || package.starts_with("burn-"))
     };
     assert!(has_burn("elunar-learn") && has_burn("host-train"));
-    for package in ["elunar-base", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene", "elunar"] {
+    for package in
+        ["elunar-base", "elunar-raster", "elunar-synth", "elunar-net", "elunar-scene", "elunar", "elunar-python"]
+    {
         assert!(!has_burn(package), "{package} is built with Burn");
     }
     let direct = tree(&["--package", "host-train", "--edges", "normal,build", "--depth", "1"]);

@@ -1,6 +1,7 @@
 //! A tile of a scene has the same bytes in training and in prediction, on the ground and in flight.
 
 use elunar_base::Result;
+use elunar_base::progress::Bar;
 use elunar_core::job::{TileInput, TileJob, TileRules};
 use elunar_core::nn::{InputRules, Progress, Runner, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
@@ -19,7 +20,6 @@ use elunar_scene::predict::network::{TileModel, TileNetwork};
 use elunar_scene::predict::{NamedRaster, PredictOptions, Scene, int8, predict};
 use elunar_synth::{Moon, SynthOptions};
 use elunar_tests::repository;
-use indicatif::ProgressBar;
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Mutex;
@@ -91,7 +91,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
     };
     let out = folder.join(format!("{index}_tiles"));
     let parameters = PrepareOptions { shares: [1.0, 0.0, 0.0], ..PrepareOptions::default() };
-    prepare::run(&[files], &out, &parameters, &ProgressBar::hidden()).unwrap();
+    prepare::run(&[files], &out, &parameters, &Bar::hidden()).unwrap();
     let tile = PreparedSource::open(&out, Split::Train).unwrap().tile(0).unwrap();
     let open = |what| NamedRaster::image(&path(what), None, None).unwrap();
     (Scene::new(open("image"), open("coarse")).unwrap(), tile)

@@ -1,5 +1,8 @@
-//! Ctrl-C and SIGTERM as a flag that long loops read, so that the program does not end at once.
+//! Ctrl-C and SIGTERM as a flag that long loops read, so that the program does not end at once. Work for a caller in this process asks that
+//! caller, and leaves signals to it.
 
+use crate::caller::current;
+use crate::{Error, Result};
 #[cfg(unix)]
 use std::sync::Arc;
 use std::sync::Once;
@@ -11,6 +14,9 @@ static HANDLER: Once = Once::new();
 /// Installs the handler. The first Ctrl-C, SIGTERM or SIGHUP then sets the flag that [`requested`] reads. The second ends the program, with
 /// 128 plus the number of the signal.
 pub fn listen() {
+    if current().is_some() {
+        return;
+    }
     HANDLER.call_once(|| {
         if let Err(error) = install() {
             eprintln!("note: Ctrl-C will stop at once ({error})");
@@ -28,7 +34,15 @@ pub fn outlive_file_limit() {
 
 /// Returns whether the user has asked to stop.
 pub fn requested() -> bool {
-    ASKED.load(Ordering::SeqCst)
+    current().map_or_else(|| ASKED.load(Ordering::SeqCst), |caller| caller.asks_to_stop())
+}
+
+/// Ends work that leaves nothing behind, if the user has asked to stop. `what` names it.
+///
+/// # Errors
+/// [`Error::Stopped`] then.
+pub fn check(what: &str) -> Result<()> {
+    if requested() { Err(Error::stopped(format!("{what}: interrupted; the same command begins anew"))) } else { Ok(()) }
 }
 
 #[cfg(unix)]

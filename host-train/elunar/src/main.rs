@@ -12,5 +12,6 @@ static MEMORY: Memory = Memory;
 
 fn main() -> ExitCode {
     let parsed = read_command_line(Cli::try_parse());
+    parsed.talk.begin();
     finish(|| run(parsed.command))
 }

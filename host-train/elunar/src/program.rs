@@ -86,7 +86,8 @@ fn print_object(error: serde_json::Value) {
 }
 
 /// Returns the name of an exit code in the object of an error.
-pub(crate) fn kind_of(code: u8) -> &'static str {
+#[must_use]
+pub fn kind_of(code: u8) -> &'static str {
     match code {
         USAGE => "usage",
         BAD_INPUT => "bad_input",
@@ -133,7 +134,7 @@ pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
     parsed.unwrap_or_else(|error| {
         look_for_json();
         if error.exit_code() != 0 && JSON.load(Ordering::Relaxed) {
-            print_object(object(USAGE, &first_paragraph(&error.to_string())));
+            print_object(object(USAGE, &usage_line(&error)));
         }
         let said = error.print().and_then(|()| std::io::stdout().flush());
         let code = match said {
@@ -150,7 +151,9 @@ pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
 }
 
 /// Returns what the command line's reader says, in one line without the usage that it adds.
-fn first_paragraph(text: &str) -> String {
+#[must_use]
+pub fn usage_line(error: &clap::Error) -> String {
+    let text = error.to_string();
     let first = text.trim_start_matches("error: ").split("\n\n").next().unwrap_or_default();
     first.split_whitespace().collect::<Vec<_>>().join(" ")
 }

@@ -167,6 +167,13 @@ impl InMemory {
         let format = format.into();
         Self { info: Info { rows, cols, georef, unit, format, ..Info::default() }, samples }
     }
+
+    /// States the Sun of an image.
+    #[must_use]
+    pub fn with_sun(mut self, sun: StatedSun) -> Self {
+        self.info.sun = sun;
+        self
+    }
 }
 
 impl Source for InMemory {

@@ -63,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
     }
     interrupt::listen();
     let manner = ExperimentOptions { resume: args.resume, threads: args.threads };
-    let found = experiment::run(&experiments, &list, &args.out, manner, &mut |line| eprintln!("{line}"))?;
+    let found = experiment::run(&experiments, &list, &args.out, manner, &mut |line| elunar_base::say::note(line))?;
     print!("{}", table::validation(&found).markdown());
     println!();
     print!("{}", crate::suite::tables::sums(&found.test).markdown());
@@ -77,7 +77,8 @@ fn run_task(experiments: &[Configuration], task: usize, out: &Path) -> Result<()
     let all = experiments.len();
     let wrong = || Error::usage(format!("--task: a number from 1 to {all} expected, {task} found"));
     let experiment = task.checked_sub(1).and_then(|index| experiments.get(index)).ok_or_else(wrong)?;
-    let trained = train::train(experiment, &out.join(&experiment.name), true, &mut |line| eprintln!("{line}"))?;
+    let trained =
+        train::train(experiment, &out.join(&experiment.name), true, &mut |line| elunar_base::say::note(line))?;
     let network = &trained.validation.network;
     println!("{}: RMSE {:.3} m, slope error {:.3}°", experiment.name, network.rmse_m, network.slope_mae_deg);
     Ok(())

@@ -16,6 +16,7 @@ pub mod train;
 pub mod train_speed;
 
 use clap::{CommandFactory, Parser, Subcommand};
+use elunar::cli::talk::Talk;
 use elunar::cli::{Shared, run_shared};
 use elunar_base::Result;
 
@@ -23,6 +24,9 @@ use elunar_base::Result;
 #[derive(Debug, Parser)]
 #[command(name = "host-train", version, about, arg_required_else_help = false)]
 pub struct Cli {
+    /// How much is said.
+    #[command(flatten)]
+    pub talk: Talk,
     /// Command to run; without a command, the tour.
     #[command(subcommand)]
     pub command: Option<Command>,
@@ -82,6 +86,7 @@ pub fn command_line() -> clap::Command {
 /// # Errors
 /// Errors of the command.
 pub fn run(cli: Cli) -> Result<()> {
+    cli.talk.begin();
     match cli.command {
         Some(Command::Demo(args)) => demo::run(args),
         None => demo::run(demo::Args::default()),

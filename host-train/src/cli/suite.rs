@@ -109,7 +109,7 @@ fn list(args: &Args, methods: &[&Method]) -> Result<List> {
     let results = if args.scenes_only { vec![] } else { files::of_results(scenes(), &methods, &[]) };
     let _owner = Owner::of_folder(&args.out, files::COMMAND, files::of_scenes(scenes()).chain(results))?;
     let (list, absent) = real::real(data, &args.out.join(SCENES))?;
-    absent.iter().for_each(|folder| eprintln!("SKIPPED: {folder}: not there"));
+    absent.iter().for_each(|folder| elunar_base::say::note(&format!("SKIPPED: {folder}: not there")));
     Ok(list)
 }
 

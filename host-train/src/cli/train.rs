@@ -105,7 +105,7 @@ pub fn run(args: Args) -> Result<()> {
         }
     };
     let (record, folder) = (run.record.clone(), run.folder.clone());
-    eprintln!(
+    elunar_base::say::note(&format!(
         "{}: {} parameters, {} steps of {} crops {}x{}, {}",
         folder.display(),
         parameters(&store::outline(&record.network, &Backend::Flex.device()?)),
@@ -114,7 +114,7 @@ pub fn run(args: Args) -> Result<()> {
         record.recipe.crop[0],
         record.recipe.crop[1],
         record.backend.name()
-    );
+    ));
     say(&*run.training, "training");
     say(&*run.validation, "validation");
     let begun = Instant::now();
@@ -139,13 +139,13 @@ pub fn run(args: Args) -> Result<()> {
 /// Says how many tiles a source has, and which images give none.
 fn say(source: &dyn TileSource, what: &str) {
     if let Some(count) = source.count() {
-        eprintln!("{what}: {count} tiles");
+        elunar_base::say::note(&format!("{what}: {count} tiles"));
     }
     for image in source.unused() {
-        eprintln!(
-            "WARNING: {}: no {TILE_ROWS}x{TILE_COLS} pixels of image, DTM and coarse DTM are valid; {what} does not use it",
+        elunar_base::say::warning(&format!(
+            "{}: no {TILE_ROWS}x{TILE_COLS} pixels of image, DTM and coarse DTM are valid; {what} does not use it",
             image.display()
-        );
+        ));
     }
 }
 
@@ -201,7 +201,7 @@ fn resume(start: &NewRun, out: &Path) -> Result<Run> {
 /// Returns the initial weights of a run that has a record alone, as older programs left them: made again if they were random.
 fn again(record: &RunRecord, out: &Path) -> Result<NetWeights> {
     if record.started_from == random_weights(record.seed) {
-        eprintln!("{}: no checkpoint yet, beginning anew", out.display());
+        elunar_base::say::note(&format!("{}: no checkpoint yet, beginning anew", out.display()));
         return Ok(initial_weights(&record.network, record.seed));
     }
     let what = format!("expected a checkpoint, found none, and the run started from {}", record.started_from);
@@ -215,7 +215,9 @@ fn in_range_of(network: NetConfig, data: &DataSpec) -> Result<NetConfig> {
     let Some(nr) = nr else { return Ok(network) };
     let network = NetConfig { nr, ..network };
     network.check().map_err(Error::usage)?;
-    eprintln!("NR {nr:.2}: that of the prepared tiles (Eq. 1); --set network.nr=... takes another");
+    elunar_base::say::note(&format!(
+        "NR {nr:.2}: that of the prepared tiles (Eq. 1); --set network.nr=... takes another"
+    ));
     Ok(network)
 }
 

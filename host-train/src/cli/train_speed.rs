@@ -74,7 +74,7 @@ pub fn run(args: &Args) -> Result<()> {
         None => {
             let mut say = |step: usize, loss: f64| {
                 if step <= UNTIMED {
-                    eprintln!("step {step} of {UNTIMED} untimed: loss {loss:.6}");
+                    elunar_base::say::note(&format!("step {step} of {UNTIMED} untimed: loss {loss:.6}"));
                 }
             };
             let counts = [UNTIMED, args.count];

@@ -158,9 +158,9 @@ impl Method {
                 };
                 if tally.light.source == LightSource::Assumed {
                     let (method, name) = (&self.name, &scene.entry.name);
-                    eprintln!(
+                    elunar_base::say::note(&format!(
                         "{name}, {method}: the light is assumed, as neither the Sun is known nor the scene shows it"
-                    );
+                    ));
                 }
                 let seconds = start.elapsed().as_secs_f64();
                 let aligned = aligned(dtm, &scene.input, scene.coarse_m)?;

@@ -12,6 +12,7 @@ use super::split::{Ground, divide};
 use super::{filter, finished, pictures};
 use elunar_base::digest::{sha256, sha256_hex, sha256_while};
 use elunar_base::output::Owner;
+use elunar_base::progress::Bar;
 use elunar_base::{Error, Result, atomic_write, interrupt, read};
 use elunar_core::tile::{TILE_COLS, TILE_ROWS, Window};
 use elunar_net::illumination::KnownSun;
@@ -19,7 +20,6 @@ use elunar_net::sun::check_sun;
 use elunar_raster::align::Interpolation;
 use elunar_raster::source;
 use elunar_raster::stated::HeightUnit;
-use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -59,12 +59,7 @@ struct Inspected {
 /// # Errors
 /// [`Error::Busy`] if another run writes the folder; [`Error::Input`] if another run completed it, or no tile can be kept; [`Error::Usage`] if
 /// parameters are out of range. Errors of reading and writing are passed on.
-pub fn run(
-    scenes: &[SceneFiles],
-    out: &Path,
-    parameters: &PrepareOptions,
-    bar: &ProgressBar,
-) -> Result<TrainingSetManifest> {
+pub fn run(scenes: &[SceneFiles], out: &Path, parameters: &PrepareOptions, bar: &Bar) -> Result<TrainingSetManifest> {
     let reading = check(parameters)?;
     scenes.iter().try_for_each(check_sun_of)?;
     let mut owner = Owner::of_folder(out, COMMAND, [])?;
@@ -188,7 +183,7 @@ fn inspect_scene(
     notes: &Path,
     parameters: &PrepareOptions,
     reading: Reading,
-    bar: &ProgressBar,
+    bar: &Bar,
 ) -> Result<Inspected> {
     let hash = |path: &Path| {
         // What is no raster is refused before all of it is read.
@@ -299,7 +294,7 @@ fn write_shards(
     (out, owner): (&Path, &mut Owner),
     parameters: &PrepareOptions,
     reading: Reading,
-    bar: &ProgressBar,
+    bar: &Bar,
 ) -> Result<BTreeMap<Split, SplitRecord>> {
     let plan = plan(inspected, splits, out, parameters)?;
     if read::text(&out.join(PLAN), read::MOST_SETTINGS_BYTES).is_ok_and(|known| known == plan) {

@@ -5,11 +5,11 @@ use super::manifest::{MANIFEST, Reason};
 use super::*;
 use crate::prepared::PreparedSource;
 use crate::source::{DataSpec, TileSource};
+use elunar_base::progress::Bar;
 use elunar_base::{Error, atomic_write};
 use elunar_raster::Raster;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_synth::{Moon, SynthOptions, SynthScene};
-use indicatif::ProgressBar;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
@@ -40,7 +40,7 @@ fn prepared(
     out: &Path,
     parameters: &PrepareOptions,
 ) -> elunar_base::Result<TrainingSetManifest> {
-    run(scenes, out, parameters, &ProgressBar::hidden())
+    run(scenes, out, parameters, &Bar::hidden())
 }
 
 fn contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {

@@ -4,7 +4,7 @@ use super::manifest::uses_of;
 use crate::cluster::batch::{BatchOptions, ItemCounts, run as run_items};
 use crate::cluster::manifest::BatchManifest;
 use crate::cluster::{apart, foreign};
-use elunar_base::{Error, Result};
+use elunar_base::{Error, Result, say};
 use elunar_scene::predict::span::PartOf;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -67,7 +67,7 @@ pub fn run(args: Args) -> Result<()> {
         let line = serde_json::to_string(outcome).map_err(|e| Error::usage(format!("{}: {e}", outcome.id)))?;
         println!("{line}");
         let what = outcome.error.as_deref().unwrap_or(if outcome.pixels.is_some() { "done" } else { "done before" });
-        eprintln!("{count}/{all} {}: {what} ({:.1} s)", outcome.id, outcome.seconds);
+        say::note(&format!("{count}/{all} {}: {what} ({:.1} s)", outcome.id, outcome.seconds));
         Ok(())
     })?;
     let ItemCounts { done, failed, again } = counts;

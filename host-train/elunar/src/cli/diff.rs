@@ -1,9 +1,10 @@
 //! `elunar diff`: one DTM minus another.
 
-use super::input::read_heights;
+use crate::held::Held;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
 use elunar_evaluate::diff::{DiffOptions, Statistics, difference};
+use elunar_raster::Raster;
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
 use std::path::PathBuf;
@@ -45,8 +46,42 @@ pub struct Args {
 /// # Errors
 /// If a DTM cannot be read, the DTMs do not fit each other, or a file cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
-    let _owners = output::take_all(args.output.iter().chain(&args.picture), &[&args.first, &args.second])?;
-    let (first, second) = (read_heights(&args.first)?, read_heights(&args.second)?);
+    let MadeDifference { statistics, what, .. } = make(&args, &Held::default())?;
+    if args.json {
+        println!("{:#}", json(&statistics, &what));
+    } else {
+        print!("{what}\n{}", statistics.table());
+    }
+    Ok(())
+}
+
+/// A difference, on the grid of the first DTM.
+#[derive(Debug, Clone)]
+pub struct MadeDifference {
+    /// The difference, metres; NaN where either DTM is void.
+    pub difference: Raster,
+    /// Its statistics.
+    pub statistics: Statistics,
+    /// What was taken from what.
+    pub what: String,
+}
+
+/// Returns statistics as one object.
+#[must_use]
+pub fn json(statistics: &Statistics, what: &str) -> serde_json::Value {
+    let mut object = statistics.json();
+    object["difference"] = what.into();
+    object
+}
+
+/// Subtracts, and writes the files that are asked for.
+///
+/// # Errors
+/// As [`run`].
+pub fn make(args: &Args, held: &Held) -> Result<MadeDifference> {
+    let inputs = held.files([args.first.as_path(), &args.second]);
+    let _owners = output::take_all(args.output.iter().chain(&args.picture), &inputs)?;
+    let (first, second) = (held.read_heights(&args.first)?, held.read_heights(&args.second)?);
     let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
     let options = DiffOptions { reverse: args.reverse, absolute: args.absolute };
     let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), options)?;
@@ -61,12 +96,5 @@ pub fn run(args: Args) -> Result<()> {
         geotiff::write(path, &made, &WriteOptions::heights(format!("difference of heights: {what}")))
             .inspect_err(undo)?;
     }
-    if args.json {
-        let mut object = statistics.json();
-        object["difference"] = what.into();
-        println!("{object:#}");
-    } else {
-        print!("{what}\n{}", statistics.table());
-    }
-    Ok(())
+    Ok(MadeDifference { difference: made, statistics, what })
 }

@@ -1,6 +1,6 @@
 //! `elunar evaluate`: compares a DTM with a truth. The coarse DTM is the baseline.
 
-use super::input;
+use crate::held::Held;
 use crate::outputs as output;
 use elunar_base::Result;
 use elunar_evaluate::{
@@ -54,10 +54,25 @@ pub struct Args {
 /// # Errors
 /// If a raster cannot be read, the rasters do not fit each other, or the map cannot be written.
 pub fn run(args: Args) -> Result<()> {
+    let (summary, details) = compare(&args, &Held::default())?;
+    if args.json {
+        println!("{}", json(summary, &details));
+    } else {
+        print!("{}", table(summary, &details));
+    }
+    Ok(())
+}
+
+/// Compares a DTM with a truth, and draws what is asked for. Expected errors are read from a file.
+///
+/// # Errors
+/// As [`run`].
+pub fn compare(args: &Args, held: &Held) -> Result<(ReportSummary, Details)> {
     let mut inputs: Vec<&Path> = vec![&args.dtm, &args.truth];
     inputs.extend([&args.coarse, &args.uncertainty].into_iter().flatten().map(PathBuf::as_path));
     let pictures = [&args.error_map, &args.reliability, &args.spectra];
-    let _owners = output::take_all(pictures.into_iter().flatten(), &inputs)?;
+    let _owners = output::take_all(pictures.into_iter().flatten(), &held.files(inputs))?;
+    let open = |path: &Path| -> Result<NamedSource> { Ok((path.display().to_string(), held.heights(path)?.into())) };
     let (truth, dtm) = (open(&args.truth)?, open(&args.dtm)?);
     let expected =
         args.uncertainty.as_deref().map(|path| ExpectedErrorMaps::open(path, (&dtm.0, dtm.1.info()))).transpose()?;
@@ -79,14 +94,5 @@ pub fn run(args: Args) -> Result<()> {
     if let Some(path) = &args.spectra {
         elunar_picture::write_png(path, octaves_picture(&short_names(&summary), &details.spectra)?)?;
     }
-    if args.json {
-        println!("{}", json(summary, &details));
-    } else {
-        print!("{}", table(summary, &details));
-    }
-    Ok(())
-}
-
-fn open(path: &Path) -> Result<NamedSource> {
-    Ok((path.display().to_string(), input::heights(path)?.into()))
+    Ok((summary, details))
 }

@@ -1,7 +1,7 @@
 //! `elunar lola`: compares a DTM with laser altimeter tracks.
 
-use super::input::heights;
-use elunar_base::{Error, Result, progress};
+use crate::held::Held;
+use elunar_base::{Error, Result, interrupt, progress};
 use elunar_evaluate::lola::csv;
 use elunar_evaluate::lola::csv::CsvFormat;
 use elunar_evaluate::lola::report::{ComparedTrack, Report, json, table};
@@ -48,7 +48,7 @@ pub struct Args {
 /// # Errors
 /// If a file cannot be read, the DTM has no georeference, or no track can be compared.
 pub fn run(args: Args) -> Result<()> {
-    let report = compare(&args)?;
+    let report = compare(&args, &Held::default())?;
     if args.json {
         println!("{:#}", json(&report));
     } else {
@@ -57,8 +57,12 @@ pub fn run(args: Args) -> Result<()> {
     Ok(())
 }
 
-fn compare(args: &Args) -> Result<Report> {
-    let dtm = heights(&args.dtm)?;
+/// Compares a DTM with tracks.
+///
+/// # Errors
+/// As [`run`].
+pub fn compare(args: &Args, held: &Held) -> Result<Report> {
+    let dtm = held.heights(&args.dtm)?;
     let name = args.dtm.display().to_string();
     let ground = TrackDtm::new(&*dtm, &name, args.search_m)?;
     let mut report = Report { dtm: name, tracks: Vec::new(), flagged: 0 };
@@ -71,6 +75,7 @@ fn compare(args: &Args) -> Result<Report> {
         let file =
             path.file_name().map_or_else(|| path.display().to_string(), |name| name.to_string_lossy().into_owned());
         for (index, track) in tracks.iter().enumerate() {
+            interrupt::check("lola")?;
             let name = if tracks.len() == 1 { file.clone() } else { format!("{file}#{}", index + 1) };
             report.tracks.push(ComparedTrack { name, points: track.len(), fit: ground.fit(track, args.min_points)? });
             bar.inc(1);
@@ -141,7 +146,7 @@ mod tests {
         let few: String = rows(20_000.0).lines().take(3).map(|line| format!("{line}\n")).collect();
         std::fs::write(&csv, heading.to_owned() + &rows(3600.0) + &rows(10_830.0) + &few).unwrap();
         let (dtm, csv) = (dtm.to_str().unwrap(), csv.to_str().unwrap());
-        let report = compare(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8"])).unwrap();
+        let report = compare(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8"]), &Held::default()).unwrap();
         let names: Vec<&str> = report.tracks.iter().map(|track| track.name.as_str()).collect();
         assert_eq!(names, ["t.csv#1", "t.csv#2", "t.csv#3"]);
         for track in &report.tracks[..2] {
@@ -149,7 +154,11 @@ mod tests {
             assert!((fit.x_m - 4.0).abs() < 1e-3 && fit.y_m.abs() < 1e-3 && fit.std_m < 0.01, "{fit:?}");
         }
         assert_eq!(report.tracks[2].fit, None);
-        let one = compare(&args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8", "--track-gap-s", "1e9"])).unwrap();
+        let one = compare(
+            &args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8", "--track-gap-s", "1e9"]),
+            &Held::default(),
+        )
+        .unwrap();
         assert_eq!((one.tracks.len(), one.tracks[0].name.as_str()), (1, "t.csv"));
         let named = args(&[
             "--dtm",
@@ -162,7 +171,7 @@ mod tests {
             "--min-points",
             "200",
         ]);
-        let text = compare(&named).unwrap_err().to_string();
+        let text = compare(&named, &Held::default()).unwrap_err().to_string();
         assert!(text.contains("at least 200 points") && text.contains("206 points of 2 tracks"), "{text}");
     }
 }

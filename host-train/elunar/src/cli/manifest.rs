@@ -6,7 +6,7 @@ use crate::cluster::manifest::{BatchManifest, text};
 use crate::job::Inputs;
 use crate::outputs::uses::Uses;
 use crate::outputs::{self as output, OutputTarget};
-use elunar_base::{Error, Result, atomic_write, folder_of, read};
+use elunar_base::{Error, Result, atomic_write, folder_of, read, say};
 use elunar_net::shipped;
 use elunar_raster::content::sha256_of_raster;
 use elunar_raster::source;
@@ -205,7 +205,7 @@ fn item(args: &Args, mut fields: Fields, folder: &Path, hashes: &mut HashMap<Pat
             item.rows.get_or_insert(source.info().rows as u64);
             item.cols.get_or_insert(source.info().cols as u64);
         }
-        Err(error) => eprintln!("WARNING: {error}; its item will fail"),
+        Err(error) => say::warning(&format!("{error}; its item will fail")),
     }
     describe(&image, args.hash == Hash::All, (&mut item.image_bytes, &mut item.image_sha256), hashes)?;
     describe(&coarse, args.hash != Hash::None, (&mut item.coarse_bytes, &mut item.coarse_sha256), hashes)?;

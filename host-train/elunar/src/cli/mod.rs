@@ -1,15 +1,18 @@
 //! The commands. Each has a file with its `Args` and its `run`.
 
 pub mod batch;
+pub mod completions;
 pub mod diff;
 pub mod evaluate;
 pub mod export;
 pub mod hillshade;
+#[cfg(test)]
 mod input;
 pub mod inspect;
 pub mod join;
 pub mod latency;
 pub mod lola;
+pub mod man;
 pub mod manifest;
 pub mod mosaic;
 pub mod plan;
@@ -20,14 +23,19 @@ pub mod sfs;
 pub mod status;
 pub mod sun;
 pub mod synth;
+pub mod talk;
 
 use clap::{Parser, Subcommand};
 use elunar_base::Result;
+use talk::Talk;
 
 /// Terrain models of the Moon from one orbiter image and a coarse DTM.
 #[derive(Debug, Parser)]
 #[command(name = "elunar", version, about, arg_required_else_help = true)]
 pub struct Cli {
+    /// How much is said.
+    #[command(flatten)]
+    pub talk: Talk,
     /// Command to run.
     #[command(subcommand)]
     pub command: Command,
@@ -42,6 +50,10 @@ pub enum Command {
     Join(Box<join::Args>),
     /// Measure the latency of one tile.
     Latency(latency::Args),
+    /// Print completions of the command line for a shell.
+    Completions(completions::Args),
+    /// Write manual pages of all commands.
+    Man(man::Args),
     /// The commands that `elunar` and `host-train` share.
     #[command(flatten)]
     Shared(Shared),
@@ -93,6 +105,8 @@ pub fn run(command: Command) -> Result<()> {
         Command::Predict(args) => predict::run(*args),
         Command::Join(args) => join::run(*args),
         Command::Latency(args) => latency::run(args),
+        Command::Completions(args) => completions::run(&args),
+        Command::Man(args) => man::run(&args),
         Command::Shared(shared) => run_shared(shared),
     }
 }

@@ -1,8 +1,8 @@
 //! `elunar mosaic`: joins several DTMs.
 
-use super::input::heights;
+use crate::held::Held;
 use crate::outputs as output;
-use elunar_base::{Error, Result, progress, read};
+use elunar_base::{Error, Result, interrupt, progress, read, say};
 use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
@@ -65,62 +65,124 @@ const BAND_ROWS: usize = 1024;
 /// # Errors
 /// If a DTM cannot be read, the DTMs do not fit each other, or the mosaic cannot be written. Then no output file exists.
 pub fn run(args: Args) -> Result<()> {
-    let paths = match &args.dem_list {
-        Some(list) => listed(list)?,
-        None => args.dems.clone(),
-    };
-    output::extension(&args.output, &["tif", "tiff"])?;
-    let inputs: Vec<&Path> = paths.iter().chain(&args.dem_list).map(PathBuf::as_path).collect();
-    let _owner = output::take(&args.output, &inputs)?;
-    if !(0.0..=100.0).contains(&args.weights_blur_sigma) {
-        let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
-        return Err(Error::usage(what));
-    }
-    let mut inputs: Vec<MosaicInput> = paths.iter().map(|path| open(path)).collect::<Result<_>>()?;
-    if let Some(crs) = &args.t_srs {
-        inputs = reprojected(inputs, crs, args.tr)?;
-    }
-    let window = args.t_projwin.as_deref().map(|w| [w[0], w[1], w[2], w[3]]);
-    let grid = Grid::around(&inputs, GridOptions { spacing: args.tr, window })?;
-    let weights = WeightRules {
-        erode_px: args.erode_length,
-        blur_sigma_px: args.weights_blur_sigma,
-        exponent: args.weights_exponent,
-    };
-    let rules = JoinRules { weights, priority_px: args.priority_blending_length };
-    let names: Vec<String> =
-        paths.iter().map(|p| p.file_name().unwrap_or(p.as_os_str()).to_string_lossy().into_owned()).collect();
-    let radius_m = grid.georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
-    let about = format!("mosaic of {} DTMs: heights above the {radius_m} m sphere", names.len());
-    let options = WriteOptions::heights(about).with_item("INPUTS", names.join(", ")).with_compression(args.compress);
-    let mut writer = Writer::create(&args.output, grid.rows, grid.cols, Some(&grid.georef), &options)?;
-    let bar = progress::bar("", grid.rows as u64, "rows");
-    let (mut valid, mut low, mut high) = (0_usize, f32::INFINITY, f32::NEG_INFINITY);
-    for first in (0..grid.rows).step_by(BAND_ROWS) {
-        let band = first..(first + BAND_ROWS).min(grid.rows);
-        let heights_m = join(&inputs, &grid.rows(band.clone()), &rules)?;
-        for &z in heights_m.iter().filter(|z| z.is_finite()) {
-            (valid, low, high) = (valid + 1, low.min(z), high.max(z));
-        }
-        writer.write_rows(&heights_m)?;
-        bar.inc(band.len() as u64);
-    }
-    bar.finish_and_clear();
-    if valid == 0 {
-        let what = format!("{}: a valid height on the mosaic's grid expected, none found", names.join(", "));
-        return Err(Error::usage(what));
-    }
-    writer.finish()?;
-    let (rows, cols) = (grid.rows, grid.cols);
-    println!("{}: {rows} x {cols} pixels, {valid} of them valid, {low:.1} to {high:.1} m", args.output.display());
-    if let Some(what) = body::beyond(Some(radius_m), (low, high)) {
-        eprintln!("WARNING: {}: {what}: are the DTMs' heights metres above the sphere?", args.output.display());
-    }
+    println!("{}", write(&args, &Held::default())?);
     Ok(())
 }
 
-fn open(path: &Path) -> Result<MosaicInput> {
-    Ok(MosaicInput { name: path.display().to_string(), source: heights(path)? })
+/// Opened DTMs, and how they are joined.
+pub struct Joining {
+    inputs: Vec<MosaicInput>,
+    names: Vec<String>,
+    rules: JoinRules,
+    /// The mosaic's grid.
+    pub grid: Grid,
+}
+
+/// What was joined.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Joined {
+    /// Number of heights.
+    pub valid: usize,
+    /// Lowest height, metres.
+    pub low_m: f32,
+    /// Highest height, metres.
+    pub high_m: f32,
+}
+
+impl Joining {
+    /// Opens the DTMs that the arguments or their list names.
+    ///
+    /// # Errors
+    /// If an option is out of range, or a DTM cannot be read or does not fit the others.
+    pub fn open(args: &Args, held: &Held) -> Result<Self> {
+        if !(0.0..=100.0).contains(&args.weights_blur_sigma) {
+            let what = format!("--weights-blur-sigma: 0 to 100 pixels expected, {} found", args.weights_blur_sigma);
+            return Err(Error::usage(what));
+        }
+        let paths = args.paths()?;
+        let open = |path: &PathBuf| Ok(MosaicInput { name: path.display().to_string(), source: held.heights(path)? });
+        let mut inputs: Vec<MosaicInput> = paths.iter().map(open).collect::<Result<_>>()?;
+        if let Some(crs) = &args.t_srs {
+            inputs = reprojected(inputs, crs, args.tr)?;
+        }
+        let window = args.t_projwin.as_deref().map(|w| [w[0], w[1], w[2], w[3]]);
+        let grid = Grid::around(&inputs, GridOptions { spacing: args.tr, window })?;
+        let weights = WeightRules {
+            erode_px: args.erode_length,
+            blur_sigma_px: args.weights_blur_sigma,
+            exponent: args.weights_exponent,
+        };
+        let rules = JoinRules { weights, priority_px: args.priority_blending_length };
+        let name = |path: &PathBuf| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        Ok(Self { inputs, names: paths.iter().map(name).collect(), rules, grid })
+    }
+
+    /// Returns the radius of the body, metres.
+    fn radius_m(&self) -> f64 {
+        self.grid.georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M)
+    }
+
+    /// Joins the DTMs, and passes whole rows to `take`, from top to bottom: metres, NaN where no DTM has a height.
+    ///
+    /// # Errors
+    /// If a DTM cannot be read, or no height is found. Errors of `take` are passed on.
+    pub fn make(&self, take: &mut dyn FnMut(&[f32]) -> Result<()>) -> Result<Joined> {
+        let bar = progress::bar("", self.grid.rows as u64, "rows");
+        let mut joined = Joined { valid: 0, low_m: f32::INFINITY, high_m: f32::NEG_INFINITY };
+        for first in (0..self.grid.rows).step_by(BAND_ROWS) {
+            interrupt::check("mosaic")?;
+            let band = first..(first + BAND_ROWS).min(self.grid.rows);
+            let heights_m = join(&self.inputs, &self.grid.rows(band.clone()), &self.rules)?;
+            for &z in heights_m.iter().filter(|z| z.is_finite()) {
+                let Joined { valid, low_m, high_m } = joined;
+                joined = Joined { valid: valid + 1, low_m: low_m.min(z), high_m: high_m.max(z) };
+            }
+            take(&heights_m)?;
+            bar.inc(band.len() as u64);
+        }
+        bar.finish_and_clear();
+        if joined.valid == 0 {
+            let what = format!("{}: a valid height on the mosaic's grid expected, none found", self.names.join(", "));
+            return Err(Error::usage(what));
+        }
+        Ok(joined)
+    }
+
+    /// Warns of heights that the body does not have. `name` is that of the mosaic.
+    pub fn warn(&self, name: &str, joined: &Joined) {
+        if let Some(what) = body::beyond(Some(self.radius_m()), (joined.low_m, joined.high_m)) {
+            say::warning(&format!("{name}: {what}: are the DTMs' heights metres above the sphere?"));
+        }
+    }
+}
+
+/// Joins the DTMs and writes the mosaic. Returns a line about it.
+///
+/// # Errors
+/// As [`run`].
+pub fn write(args: &Args, held: &Held) -> Result<String> {
+    output::extension(&args.output, &["tif", "tiff"])?;
+    let paths = args.paths()?;
+    let inputs = held.files(paths.iter().chain(&args.dem_list).map(PathBuf::as_path));
+    let _owner = output::take(&args.output, &inputs)?;
+    let joining = Joining::open(args, held)?;
+    let (grid, names) = (&joining.grid, &joining.names);
+    let about = format!("mosaic of {} DTMs: heights above the {} m sphere", names.len(), joining.radius_m());
+    let options = WriteOptions::heights(about).with_item("INPUTS", names.join(", ")).with_compression(args.compress);
+    let mut writer = Writer::create(&args.output, grid.rows, grid.cols, Some(&grid.georef), &options)?;
+    let joined = joining.make(&mut |rows| writer.write_rows(rows))?;
+    writer.finish()?;
+    let name = args.output.display().to_string();
+    joining.warn(&name, &joined);
+    let (Joined { valid, low_m, high_m }, rows, cols) = (joined, grid.rows, grid.cols);
+    Ok(format!("{name}: {rows} x {cols} pixels, {valid} of them valid, {low_m:.1} to {high_m:.1} m"))
+}
+
+impl Args {
+    /// Returns the DTMs' paths.
+    fn paths(&self) -> Result<Vec<PathBuf>> {
+        self.dem_list.as_deref().map_or_else(|| Ok(self.dems.clone()), listed)
+    }
 }
 
 /// Reprojects the DTMs to another system. All get pixels of one size: the stated one, or the first DTM's.

@@ -1,9 +1,10 @@
 //! `elunar render`: renders an image of a DTM under a given Sun.
 
-use super::input::read_heights;
+use crate::held::Held;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
 use elunar_net::sun::check_azimuth;
+use elunar_raster::Raster;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_synth::photograph;
 use std::path::PathBuf;
@@ -42,16 +43,33 @@ pub struct Args {
 /// If the DTM cannot be read, has gaps, has no pixel size or pixels that are not square, or the Sun is out of range. Then no output file
 /// exists.
 pub fn run(args: Args) -> Result<()> {
-    let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
-    let _owner = output::take(&args.output, &[&args.input])?;
+    println!("{}", write(&args, &Held::default())?);
+    Ok(())
+}
+
+/// Renders an image in memory: relative DN, 0 to 4095.
+///
+/// # Errors
+/// As [`run`].
+pub fn image(args: &Args, held: &Held) -> Result<Raster> {
     check_azimuth("--sun-azimuth", args.sun_azimuth)?;
     if !(2.0..=90.0).contains(&args.sun_elevation) {
         let found = args.sun_elevation;
         return Err(Error::usage(format!("--sun-elevation: a number from 2 to 90 degrees expected, found {found}")));
     }
-    let dtm = read_heights(&args.input)?;
-    let sun = (args.sun_azimuth, args.sun_elevation);
-    let image = photograph(&dtm, sun, args.seed).map_err(|e| Error::usage(format!("{}: {e}", args.input.display())))?;
+    let dtm = held.read_heights(&args.input)?;
+    photograph(&dtm, (args.sun_azimuth, args.sun_elevation), args.seed)
+        .map_err(|e| Error::usage(format!("{}: {e}", args.input.display())))
+}
+
+/// Renders an image and writes it. Returns a line about it.
+///
+/// # Errors
+/// As [`run`].
+pub fn write(args: &Args, held: &Held) -> Result<String> {
+    let kind = output::extension(&args.output, &["tif", "tiff", "png"])?;
+    let _owner = output::take(&args.output, &held.files([args.input.as_path()]))?;
+    let image = image(args, held)?;
     let (rows, cols) = (image.rows, image.cols);
     let (low, high) = image.range().unwrap_or_default();
     match kind {
@@ -63,12 +81,11 @@ pub fn run(args: Args) -> Result<()> {
         _ => {
             let options = WriteOptions::image(SampleType::U16, "image rendered from a DTM, relative DN")
                 .with_item("SYNTHETIC", "yes")
-                .with_sun(Some(sun.0), Some(sun.1));
+                .with_sun(Some(args.sun_azimuth), Some(args.sun_elevation));
             geotiff::write(&args.output, &image, &options)?;
         }
     }
-    println!("{}: {rows} x {cols} pixels, DN {low} to {high}", args.output.display());
-    Ok(())
+    Ok(format!("{}: {rows} x {cols} pixels, DN {low} to {high}", args.output.display()))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! `elunar sfs`: shape from shading, without a network, for comparison.
 
+use crate::held::Held;
 use crate::job::{Inputs, Opened, warn};
 use crate::outputs::{self as output, OutputTarget};
 use elunar_base::{Error, Result, interrupt};
@@ -9,9 +10,9 @@ use elunar_net::sun::check_sun;
 use elunar_raster::stated::Statements;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
-use elunar_scene::predict::job::{Files, fill, finish, summary, survey};
+use elunar_scene::predict::job::{Files, fill, finish, summary, survey, tiles};
 use elunar_scene::predict::notices::{notice_of_heights, notices};
-use elunar_scene::predict::{NamedRaster, PartFile, part_path};
+use elunar_scene::predict::{NamedRaster, PartFile, Scene, part_path};
 use elunar_scene::sfs::{SfsJournal, SfsSettings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
 use std::path::PathBuf;
 
@@ -70,68 +71,112 @@ pub struct Args {
 /// # Errors
 /// If an option is out of range, an input cannot be read, or writing fails. Then no DTM exists.
 pub fn run(args: Args) -> Result<()> {
+    let (text, json) = write(&args)?;
+    println!("{}", if args.json { json } else { text });
+    Ok(())
+}
+
+/// Opened inputs, and how they are solved.
+pub struct Solving {
+    /// Image and coarse DTM.
+    pub scene: Scene,
+    settings: SfsSettings,
+    journal: SfsJournal,
+    light: String,
+}
+
+impl Solving {
+    /// Opens the inputs, surveys them and warns.
+    ///
+    /// # Errors
+    /// If an option is out of range, an input cannot be read, or the Sun is neither known nor to be fitted.
+    pub fn open(args: &Args, held: &Held) -> Result<Self> {
+        check_sun(args.inputs.known_sun())?;
+        interrupt::listen();
+        let Opened { image, scene, sun } = args.inputs.open(held)?;
+        if !args.inputs.fit_sun {
+            both_angles(sun.sun, &image.name)?;
+        }
+        let truth =
+            args.truth.as_deref().map(|path| NamedRaster::heights(path, Statements::default(), None)).transpose()?;
+        let side_m = image.source.info().side_m(&image.name)?;
+        let survey = survey(&scene)?;
+        let lighting = survey.lighting(Illumination::Given, sun.sun);
+        let angles = if args.inputs.fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
+        let settings = args.settings(both_angles(angles, &image.name)?, side_m);
+        settings.light()?;
+        warn(&notices(&scene, &survey, &sun, &lighting, args.inputs.coarse_unit.is_some())?);
+        let journal = SfsJournal::new(&scene, &image, truth)?;
+        let source = if angles == sun.sun { "given" } else { "fitted" };
+        let (azimuth_deg, elevation_deg) = (settings.sun_azimuth_deg, settings.sun_elevation_deg);
+        let light = format!("azimuth {azimuth_deg} deg, elevation {elevation_deg} deg; {source}");
+        Ok(Self { light: light + &sun.origin_of(&lighting), scene, settings, journal })
+    }
+
+    /// Solves the scene in memory. Returns the heights, metres, row-major, NaN where an input is void.
+    ///
+    /// # Errors
+    /// As [`solve_rows`].
+    pub fn make(&self) -> Result<Vec<f32>> {
+        let mut heights_m = vec![];
+        let mut keep = |rows: &[f32]| {
+            heights_m.extend_from_slice(rows);
+            Ok(())
+        };
+        tiles(|progress| solve_rows(&self.scene, &self.settings, &self.journal, 0, &mut keep, progress))?;
+        Ok(heights_m)
+    }
+
+    /// Returns settings, tiles, times and the curve as JSON.
+    #[must_use]
+    pub fn json(&self) -> String {
+        json(&self.settings, &self.journal.tiles())
+    }
+}
+
+/// Makes a DTM and writes it. Returns lines about it, and settings, tiles, times and the curve as JSON.
+///
+/// # Errors
+/// As [`run`].
+pub fn write(args: &Args) -> Result<(String, String)> {
     check_sun(args.inputs.known_sun())?;
-    interrupt::listen();
-    let Inputs { image, coarse, fit_sun, .. } = &args.inputs;
-    let mut inputs = vec![image.as_path(), coarse];
+    let mut inputs = vec![args.inputs.image.as_path(), &args.inputs.coarse];
     inputs.extend(args.truth.as_deref());
     for path in &args.curve {
         output::extension(path, &["csv", "png"])?;
     }
     let further: Vec<OutputTarget> = args.curve.iter().map(|path| OutputTarget::File(path)).collect();
     let (owner, _owners) = output::take_dtm(&args.output, &further, &inputs)?;
-    let Opened { image, scene, sun } = args.inputs.open()?;
-    if !fit_sun {
-        both_angles(sun.sun, &image.name)?;
-    }
-    let truth =
-        args.truth.as_deref().map(|path| NamedRaster::heights(path, Statements::default(), None)).transpose()?;
-    let side_m = image.source.info().side_m(&image.name)?;
-    let survey = survey(&scene)?;
-    let lighting = survey.lighting(Illumination::Given, sun.sun);
-    let angles = if *fit_sun { fitted(sun.sun, &lighting, &image.name)? } else { sun.sun };
-    let settings = args.settings(both_angles(angles, &image.name)?, side_m);
-    settings.light()?;
-    warn(&notices(&scene, &survey, &sun, &lighting, args.inputs.coarse_unit.is_some())?);
-    let journal = SfsJournal::new(&scene, &image, truth)?;
-    let identity = args.identity(&settings)?;
+    let solving = Solving::open(args, &Held::default())?;
+    let Solving { scene, settings, journal, light } = &solving;
+    let identity = args.identity(settings)?;
     let part = PartFile::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
     let (mut part, tally) = fill(part, scene.rows, &owner, |from, keep, progress| {
-        solve_rows(&scene, &settings, &journal, from, keep, progress)
+        solve_rows(scene, settings, journal, from, keep, progress)
     })?;
-    let source = if angles == sun.sun { "given" } else { "fitted" };
-    let light =
-        format!("azimuth {} deg, elevation {} deg; {source}", settings.sun_azimuth_deg, settings.sun_elevation_deg)
-            + &sun.origin_of(&lighting);
     let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors: None };
-    let from = (settings.description(), light);
-    let finished = finish(&mut |take| part.read(take), &scene, (&from.0, &from.1, &identity), files, &owner)?;
+    let from = (&*settings.description(), &**light, &identity);
+    let finished = finish(&mut |take| part.read(take), scene, from, files, &owner)?;
     part.remove()?;
-    warn(&notice_of_heights(&args.output.display().to_string(), &scene, &finished));
+    warn(&notice_of_heights(&args.output.display().to_string(), scene, &finished));
     let tiles = journal.tiles();
     let points = curve(&tiles);
     for path in &args.curve {
         write_curve(path, &points)?;
     }
-    if args.json {
-        println!("{}", json(&settings, &tiles));
-        return Ok(());
-    }
-    println!("{}", summary(&args.output, &scene, &finished, &tally));
-    println!("light: {}", from.1);
-    say_times(&tiles);
-    Ok(())
+    let mut text = summary(&args.output, scene, &finished, &tally) + "\nlight: " + light;
+    text.extend(times(&tiles));
+    Ok((text, solving.json()))
 }
 
-/// Says how long tiles took.
-fn say_times(tiles: &[TileLog]) {
-    if let Some((median, mean, largest)) = seconds_per_tile(tiles) {
-        let done = tiles.iter().filter(|tile| tile.converged()).count();
-        println!(
-            "seconds per tile, one thread: median {median:.2}, mean {mean:.2}, largest {largest:.2}; {done} of {} converged",
-            tiles.len()
-        );
-    }
+/// Returns a line, after the others, about how long tiles took.
+fn times(tiles: &[TileLog]) -> Option<String> {
+    let (median, mean, largest) = seconds_per_tile(tiles)?;
+    let done = tiles.iter().filter(|tile| tile.converged()).count();
+    Some(format!(
+        "\nseconds per tile, one thread: median {median:.2}, mean {mean:.2}, largest {largest:.2}; {done} of {} converged",
+        tiles.len()
+    ))
 }
 
 /// Returns azimuth and elevation of the Sun, degrees, which must both be known.

@@ -2,7 +2,7 @@
 
 use super::item::BatchItem;
 use super::outcome::{AttemptRecord, ItemOutcome, now_s};
-use elunar_base::{Error, Result, folder_of, interrupt};
+use elunar_base::{Error, Result, folder_of, interrupt, say};
 use std::collections::VecDeque;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -169,7 +169,9 @@ fn attempt(item: &BatchItem, folder: &Path, manner: &BatchOptions) -> Result<End
         (status, stdout.join().unwrap_or_default(), stderr.join().unwrap_or_default())
     });
     let error = text.lines().rev().find_map(|line| line.strip_prefix("ERROR: ")).map(String::from);
-    text.lines().filter(|line| line.starts_with("WARNING: ")).for_each(|line| eprintln!("{}: {line}", item.id));
+    text.lines()
+        .filter(|line| line.starts_with("WARNING: "))
+        .for_each(|line| say::note(&format!("{}: {line}", item.id)));
     let status = status.map_err(Error::io(&manner.program))?;
     Ok(Ended { status, record: serde_json::from_str(&record).unwrap_or_default(), error })
 }

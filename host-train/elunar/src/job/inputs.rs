@@ -1,6 +1,7 @@
 //! The inputs of a job: image and coarse DTM, with what the user says about them.
 
 use super::words;
+use crate::held::Held;
 use elunar_base::{Error, Result};
 use elunar_core::sun::UtcTime;
 use elunar_net::illumination::KnownSun;
@@ -10,7 +11,7 @@ use elunar_raster::sun::StatedSun;
 use elunar_scene::predict::notices::check_exchange;
 use elunar_scene::predict::sun::{KnownFrom, SunEvidence};
 use elunar_scene::predict::{NamedRaster, Scene};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Image and coarse DTM.
 #[derive(Debug, Clone, clap::Args)]
@@ -62,13 +63,18 @@ pub struct Opened {
 }
 
 impl Inputs {
-    /// Opens image and coarse DTM. Angles of the Sun that the user does not give are those of the image's file.
+    /// Opens image and coarse DTM, unless they are held. Angles of the Sun that the user does not give are those of the image's file.
     ///
     /// # Errors
     /// If a file cannot be read, or the two do not belong together.
-    pub fn open(&self) -> Result<Opened> {
-        let image = NamedRaster::image(&self.image, self.image_srs.clone(), self.image_nodata)?;
-        let coarse = self.open_coarse()?;
+    pub fn open(&self, held: &Held) -> Result<Opened> {
+        let found =
+            |path: &Path| held.find(path).map(|source| NamedRaster { name: path.display().to_string(), source });
+        let image = match found(&self.image) {
+            Some(image) => image,
+            None => NamedRaster::image(&self.image, self.image_srs.clone(), self.image_nodata)?,
+        };
+        let coarse = found(&self.coarse).map_or_else(|| self.open_coarse(), Ok)?;
         check_exchange(&image, &coarse, self.coarse_unit.is_some())?;
         let sun = KnownFrom::new(self.known_sun(), &image.name, self.sun_evidence(&image)?)?;
         Ok(Opened { scene: Scene::new(image.clone(), coarse)?, image, sun })
@@ -91,7 +97,7 @@ impl Inputs {
     /// Opens the coarse DTM, with what the user says about it.
     ///
     /// # Errors
-    /// As [`Input::heights`].
+    /// As [`NamedRaster::heights`].
     pub fn open_coarse(&self) -> Result<NamedRaster> {
         let stated = Statements { srs: self.coarse_srs.clone(), unit: self.coarse_unit };
         NamedRaster::heights(&self.coarse, stated, self.coarse_nodata)

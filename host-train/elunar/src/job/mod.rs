@@ -1,10 +1,11 @@
 //! A prediction as a job: inputs, identity, light, warnings, parts, survey, finish. The commands, `batch` and the tour run it; none has a rule of its
 //! own.
 //!
-//! [`Request`] says what is wanted. [`run`] makes a DTM, or the rows of a part; [`join`] makes a DTM of parts. Messages go to stderr, what was made
-//! comes back as [`Done`].
+//! [`Request`] says what is wanted. [`run`] makes a DTM, or the rows of a part; [`join`] makes a DTM of parts. [`predict`] makes the maps in memory.
+//! Messages go to stderr or to a caller in this process, what was made comes back as [`Done`].
 
 mod inputs;
+mod memory;
 mod request;
 mod task;
 pub mod words;
@@ -12,7 +13,7 @@ mod write;
 
 use crate::outputs::{self, beside};
 use elunar_base::output::Owner;
-use elunar_base::{Error, Result, interrupt};
+use elunar_base::{Error, Result, caller, interrupt, say};
 use elunar_net::shipped;
 use elunar_net::sun::check_sun;
 use elunar_scene::predict::job::{fill, survey};
@@ -20,8 +21,9 @@ use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::record::Phases;
 use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
 use elunar_scene::predict::span::{PartOf, Span};
-use elunar_scene::predict::{PartFile, Tally, int8, part_path, predict_span, survey_path};
+use elunar_scene::predict::{PartFile, Tally, int8, part_path, survey_path};
 pub use inputs::{Inputs, Opened};
+pub use memory::{MemoryJob, PredictedMaps, predict};
 pub use request::Request;
 pub(crate) use request::hashes;
 use std::path::{Path, PathBuf};
@@ -43,7 +45,7 @@ impl Done {
     pub fn print(self, json: bool) {
         match self.json.filter(|_| json) {
             Some(json) => {
-                eprintln!("{}", self.text);
+                say::note(&self.text);
                 println!("{json}");
             }
             None => println!("{}", self.text),
@@ -51,9 +53,9 @@ impl Done {
     }
 }
 
-/// Says warnings on stderr.
+/// Says warnings.
 pub fn warn<'a>(warnings: impl IntoIterator<Item = &'a String>) {
-    warnings.into_iter().for_each(|warning| eprintln!("WARNING: {warning}"));
+    warnings.into_iter().for_each(|warning| say::warning(warning));
 }
 
 /// Opens a model file of the int8 runner.
@@ -84,8 +86,11 @@ pub fn run(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>
     }
 }
 
-/// Listens for Ctrl-C, and lets the compression of blocks use as many threads as the network.
+/// Listens for Ctrl-C, and lets the compression of blocks use as many threads as the network. A caller in this process has done both its way.
 fn begin(args: &Request) {
+    if caller::current().is_some() {
+        return;
+    }
     interrupt::listen();
     // Fails if it was done before, as in tests of one process.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global();
@@ -106,23 +111,14 @@ fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileMod
         return Ok(finished_before(args, &task));
     }
     let mut watch = Watch::new();
-    let survey = survey(&task.scene)?;
-    let lighting = task.lighting(&survey);
-    let warnings = task.warn(args, &survey, &lighting)?;
+    let survey = survey(&task.work.scene)?;
+    let lighting = task.work.lighting(&survey);
+    let warnings = task.work.warn(args, &survey, &lighting)?;
     let survey_s = watch.lap_s();
     let part = PartFile::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
-    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
-    let rows = task.scene.rows;
+    let rows = task.work.scene.rows;
     let (mut part, tally) = fill(part, rows, &owner, |from, keep, progress| {
-        predict_span(
-            &task.scene,
-            task.model.as_ref(),
-            &task.options,
-            light,
-            &Span { rows: 0..rows, from },
-            keep,
-            progress,
-        )
+        task.work.predict(&survey, &Span { rows: 0..rows, from }, keep, progress)
     })?;
     let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
     let found = Found { survey, warnings, start, phases };
@@ -139,8 +135,8 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
     beside::check_rows(&output)?;
     let owner = outputs::take(&output, &args.read())?;
     let task = Task::new(args, open)?;
-    let tiling = task.options.tiling(&task.scene, task.model.tile())?;
-    let rows = part_of.rows(&tiling, task.scene.rows);
+    let tiling = task.work.options.tiling(&task.work.scene, task.work.model.tile())?;
+    let rows = part_of.rows(&tiling, task.work.scene.rows);
     let is_ours = |head: &RowsHead| head.job == task.identity.job && head.part == part_of;
     let is_whole = |reader: RowsReader| is_ours(&reader.head) && reader.read(&mut |_| Ok(())).is_ok();
     if output.is_file() && RowsReader::open(&output).is_ok_and(is_whole) {
@@ -149,15 +145,14 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
     let (survey, lighting) = task.shared_survey(args)?;
     // The other parts would say the same.
     if part_of.k == 1 {
-        task.warn(args, &survey, &lighting)?;
+        task.work.warn(args, &survey, &lighting)?;
     }
     let id = format!("{} {part_of}", task.identity.job);
     let path = part_path(&output, args.part_dir.as_deref())?;
     let part = PartFile::open_at(path, &id, task.width(), owner.is_successor())?;
-    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
     let (mut part, tally) = fill(part, rows.len(), &owner, |done, keep, progress| {
         let span = Span { rows: rows.clone(), from: rows.start + done };
-        predict_span(&task.scene, task.model.as_ref(), &task.options, light, &span, keep, progress)
+        task.work.predict(&survey, &span, keep, progress)
     })?;
     let Tally { tiles_coarse, tiles_empty, tiles, .. } = tally;
     let (first, job, width) = (rows.start, task.identity.job.clone(), task.width());
@@ -167,7 +162,7 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
     owner.check()?;
     writer.finish()?;
     part.remove()?;
-    let text = format!("{}: rows {first} to {} of {}, {tiles} tiles", output.display(), rows.end, task.scene.rows);
+    let text = format!("{}: rows {first} to {} of {}, {tiles} tiles", output.display(), rows.end, task.work.scene.rows);
     Ok(Done { text, json: None })
 }
 
@@ -187,12 +182,12 @@ pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box
         paths.iter().chain([&survey_at]).for_each(|path| drop(std::fs::remove_file(path)));
         return Ok(finished_before(args, &task));
     }
-    let tiling = task.options.tiling(&task.scene, task.model.tile())?;
+    let tiling = task.work.options.tiling(&task.work.scene, task.work.model.tile())?;
     let mut tally = Tally { tiles: tiling.len(), ..Tally::default() };
     for (path, k) in paths.iter().zip(1..) {
         let head = RowsReader::open(path)?.head;
         let part = PartOf { k, n: parts };
-        let rows = part.rows(&tiling, task.scene.rows);
+        let rows = part.rows(&tiling, task.work.scene.rows);
         let same = head.job == task.identity.job && head.part == part && head.width == task.width();
         if !same || (head.first..head.first + head.rows) != rows {
             let what = "rows of the same inputs, model and options expected, those of another job found";
@@ -202,13 +197,13 @@ pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box
         tally.tiles_empty += head.tiles_empty;
     }
     if tally.tiles_empty == tally.tiles {
-        return Err(task.scene.nothing_valid());
+        return Err(task.work.scene.nothing_valid());
     }
     let mut watch = Watch::new();
     let (survey, lighting) = task.shared_survey(args)?;
-    let warnings = task.warn(args, &survey, &lighting)?;
+    let warnings = task.work.warn(args, &survey, &lighting)?;
     let phases = Phases { survey_s: watch.lap_s(), ..Phases::default() };
-    let light = survey.light_for(task.model.input_rules().illumination, task.sun.sun);
+    let light = survey.light_for(task.work.model.input_rules().illumination, task.work.sun.sun);
     (tally.light, tally.change) = (light.whole, light.change());
     let mut read = |take: &mut dyn FnMut(&[f32]) -> Result<()>| {
         paths.iter().try_for_each(|path| RowsReader::open(path)?.read(take))

@@ -3,70 +3,61 @@
 use super::inputs::Opened;
 use super::request::Request;
 use super::words;
-use elunar_base::{Error, Result};
+use crate::held::Held;
+use elunar_base::{Error, Result, say};
 use elunar_net::illumination::Lighting;
 use elunar_scene::mosaic::BLEND;
+use elunar_scene::predict::errors::assumed_sigma_m;
 use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
-use elunar_scene::predict::job::survey;
+use elunar_scene::predict::job::{Keep, survey};
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::notices::notices;
+use elunar_scene::predict::span::Span;
 use elunar_scene::predict::sun::KnownFrom;
-use elunar_scene::predict::{PredictOptions, Scene, Survey, shared_survey, survey_path};
+use elunar_scene::predict::{
+    PredictOptions, Scene, Survey, Tally, TileProgress, predict_span, shared_survey, survey_path,
+};
 use std::path::Path;
 
-/// What a run works with: the opened inputs and the identity of the job.
-pub(super) struct Task {
+/// What a prediction works with.
+pub(super) struct Work {
     pub(super) model: Box<dyn TileModel>,
     pub(super) scene: Scene,
     pub(super) sun: KnownFrom,
     pub(super) options: PredictOptions,
-    pub(super) identity: Identity,
 }
 
-impl Task {
+impl Work {
     /// Opens model and inputs.
     ///
     /// # Errors
     /// If one cannot be read, or the model does not say how much an image explains and that is wanted.
-    pub(super) fn new(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Self> {
+    pub(super) fn new(
+        args: &Request,
+        held: &Held,
+        expected_errors: bool,
+        open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>,
+    ) -> Result<Self> {
         let model = open(&args.model)?;
-        if args.uncertainty.is_some() && !model.input_rules().illumination.is_weighed() {
+        if expected_errors && !model.input_rules().illumination.is_weighed() {
             return Err(Error::unsupported(
                 &args.model,
                 "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
             ));
         }
-        let Opened { scene, sun, .. } = args.inputs.open()?;
+        let Opened { scene, sun, .. } = args.inputs.open(held)?;
         let options = PredictOptions {
             overlap_px: args.overlap.unwrap_or_else(|| PredictOptions::overlap_for(model.tile())),
             anchor: !args.no_anchor,
             threads: args.threads,
             sun: sun.sun,
-            expected_errors: args.uncertainty.is_some(),
+            expected_errors,
         };
-        let identity = identity(args, &options, &model.description())?;
-        Ok(Self { model, scene, sun, options, identity })
-    }
-
-    /// Returns the number of samples of a row, with all maps.
-    pub(super) fn width(&self) -> usize {
-        self.scene.cols * self.options.layers()
-    }
-
-    pub(super) fn is_finished(&self, args: &Request) -> bool {
-        let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
-        outputs.into_iter().all(|output| self.identity.is_finished(output))
+        Ok(Self { model, scene, sun, options })
     }
 
     pub(super) fn lighting(&self, survey: &Survey) -> Lighting {
         survey.lighting(self.model.input_rules().illumination, self.sun.sun)
-    }
-
-    /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.
-    pub(super) fn shared_survey(&self, args: &Request) -> Result<(Survey, Lighting)> {
-        let survey = shared_survey(&survey_path(&args.output), &self.identity.job, || survey(&self.scene))?;
-        let lighting = self.lighting(&survey);
-        Ok((survey, lighting))
     }
 
     /// Returns what the user should know before the prediction, and says it.
@@ -74,6 +65,55 @@ impl Task {
         let warnings = notices(&self.scene, survey, &self.sun, lighting, args.inputs.coarse_unit.is_some())?;
         super::warn(&warnings);
         Ok(warnings)
+    }
+
+    /// Makes the tiles of `span`, and passes finished rows to `keep`.
+    pub(super) fn predict(&self, survey: &Survey, span: &Span, keep: Keep, progress: TileProgress) -> Result<Tally> {
+        let light = survey.light_for(self.model.input_rules().illumination, self.sun.sun);
+        predict_span(&self.scene, self.model.as_ref(), &self.options, light, span, keep, progress)
+    }
+
+    /// Returns the standard deviation of the coarse DTM's own heights, metres.
+    pub(super) fn coarse_sigma_m(&self, args: &Request) -> f32 {
+        args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(self.scene.coarse_px * self.scene.pixel_m))
+    }
+}
+
+/// What a run on files works with: also the identity of the job.
+pub(super) struct Task {
+    pub(super) work: Work,
+    pub(super) identity: Identity,
+}
+
+impl Task {
+    /// Opens model and inputs.
+    ///
+    /// # Errors
+    /// As [`Work::new`].
+    pub(super) fn new(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Self> {
+        let work = Work::new(args, &Held::default(), args.uncertainty.is_some(), open)?;
+        let identity = identity(args, &work.options, &work.model.description())?;
+        say::detail(&format!("model: {}", work.model.description()));
+        say::detail(&format!("options: {}", identity.options));
+        say::detail(&format!("job: {}", identity.job));
+        Ok(Self { work, identity })
+    }
+
+    /// Returns the number of samples of a row, with all maps.
+    pub(super) fn width(&self) -> usize {
+        self.work.scene.cols * self.work.options.layers()
+    }
+
+    pub(super) fn is_finished(&self, args: &Request) -> bool {
+        let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
+        outputs.into_iter().all(|output| self.identity.is_finished(output))
+    }
+
+    /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.
+    pub(super) fn shared_survey(&self, args: &Request) -> Result<(Survey, Lighting)> {
+        let survey = shared_survey(&survey_path(&args.output), &self.identity.job, || survey(&self.work.scene))?;
+        let lighting = self.work.lighting(&survey);
+        Ok((survey, lighting))
     }
 }
 

@@ -1,12 +1,12 @@
 //! The files of a finished prediction, and what it says at its end.
 
 use super::request::Request;
-use super::task::Task;
+use super::task::{Task, Work};
 use super::{Done, Watch};
-use elunar_base::Result;
 use elunar_base::output::Owner;
-use elunar_scene::predict::errors::{assumed_sigma_m, origins_text};
-use elunar_scene::predict::job::{Files, ReadRows, finish, light_text, summary};
+use elunar_base::{Result, say};
+use elunar_scene::predict::errors::origins_text;
+use elunar_scene::predict::job::{Files, Finished, ReadRows, finish, light_text, summary};
 use elunar_scene::predict::notices::{notice_of_heights, share_of_relief};
 use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, PredictionRecord};
 use elunar_scene::predict::{Survey, Tally};
@@ -21,6 +21,52 @@ pub(super) struct Found {
     pub(super) phases: Phases,
 }
 
+impl Found {
+    /// Returns what a run took and found.
+    pub(super) fn record(
+        self,
+        args: &Request,
+        work: &Work,
+        tally: &Tally,
+        finished: &Finished,
+        uncertainty: Option<ErrorsRecord>,
+    ) -> PredictionRecord {
+        let (scene, Tally { light, change, .. }) = (&work.scene, *tally);
+        let name = |path: &Path| path.display().to_string();
+        let Phases { survey_s, tiles_s, write_s } = self.phases;
+        say::detail(&format!("seconds: survey {survey_s:.1}, tiles {tiles_s:.1}, writing {write_s:.1}"));
+        PredictionRecord {
+            image: name(&args.inputs.image),
+            coarse: name(&args.inputs.coarse),
+            model: work.model.description(),
+            output: name(&args.output),
+            uncertainty,
+            rows: scene.rows,
+            cols: scene.cols,
+            pixel_m: scene.pixel_m,
+            coarse_px: scene.coarse_px,
+            lowest_m: finished.low_m,
+            highest_m: finished.high_m,
+            pixels_valid: finished.pixels_valid,
+            pixels_void: scene.rows * scene.cols - finished.pixels_valid,
+            coarse_covers: self.survey.coverage(),
+            tiles: tally.into(),
+            light: LightRecord::new(&light, change, &work.sun),
+            share_of_relief: share_of_relief(&self.survey, &light),
+            warnings: self.warnings,
+            seconds: self.start.elapsed().as_secs_f64(),
+            phases: self.phases,
+        }
+    }
+
+    /// Adds the warning about the heights, and says it.
+    pub(super) fn warn_of_heights(&mut self, args: &Request, work: &Work, finished: &Finished) {
+        let beyond = notice_of_heights(&args.output.display().to_string(), &work.scene, finished);
+        super::warn(&beyond);
+        self.warnings.extend(beyond);
+    }
+}
+
 /// Writes the files of finished rows. Returns what they are.
 ///
 /// # Errors
@@ -30,25 +76,22 @@ pub(super) fn write(
     task: &Task,
     read: ReadRows,
     tally: &Tally,
-    found: Found,
+    mut found: Found,
     owner: &Owner,
 ) -> Result<Done> {
-    let (scene, sun) = (&task.scene, &task.sun);
-    let model = task.model.description();
+    let work = &task.work;
     let Tally { light, change, .. } = *tally;
-    let changes = change.map_or(String::new(), |change| format!("; {change}"));
-    let stored = light_text(&light) + &sun.origin_of(&light) + &changes;
-    let sigma_m = args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(scene.coarse_px * scene.pixel_m));
+    let of_light = work.sun.origin_of(&light) + &change.map_or(String::new(), |change| format!("; {change}"));
+    let stored = light_text(&light) + &of_light;
+    let sigma_m = work.coarse_sigma_m(args);
     let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
     let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors };
     let mut watch = Watch::new();
-    let finished = finish(read, scene, (&model, &stored, &task.identity), files, owner)?;
-    let phases = Phases { write_s: watch.lap_s(), ..found.phases };
-    let mut warnings = found.warnings;
-    let beyond = notice_of_heights(&args.output.display().to_string(), scene, &finished);
-    super::warn(&beyond);
-    warnings.extend(beyond);
-    let mut text = summary(&args.output, scene, &finished, tally) + &sun.origin_of(&light) + &changes;
+    let from = (work.model.description(), stored);
+    let finished = finish(read, &work.scene, (&from.0, &from.1, &task.identity), files, owner)?;
+    found.phases.write_s = watch.lap_s();
+    found.warn_of_heights(args, work, &finished);
+    let mut text = summary(&args.output, &work.scene, &finished, tally) + &of_light;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
         let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
         let origins = origins_text(origins);
@@ -57,29 +100,7 @@ pub(super) fn write(
             path.display()
         );
     }
-    let name = |path: &Path| path.display().to_string();
-    let record = PredictionRecord {
-        image: name(&args.inputs.image),
-        coarse: name(&args.inputs.coarse),
-        model,
-        output: name(&args.output),
-        uncertainty: errors
-            .map(|(path, sigma_m)| ErrorsRecord::new(path, sigma_m, &finished.origins.unwrap_or_default())),
-        rows: scene.rows,
-        cols: scene.cols,
-        pixel_m: scene.pixel_m,
-        coarse_px: scene.coarse_px,
-        lowest_m: finished.low_m,
-        highest_m: finished.high_m,
-        pixels_valid: finished.pixels_valid,
-        pixels_void: scene.rows * scene.cols - finished.pixels_valid,
-        coarse_covers: found.survey.coverage(),
-        tiles: tally.into(),
-        light: LightRecord::new(&light, change, sun),
-        share_of_relief: share_of_relief(&found.survey, &light),
-        warnings,
-        seconds: found.start.elapsed().as_secs_f64(),
-        phases,
-    };
+    let of_errors = |(path, sigma_m)| ErrorsRecord::new(path, sigma_m, &finished.origins.unwrap_or_default());
+    let record = found.record(args, work, tally, &finished, errors.map(of_errors));
     Ok(Done { text, json: Some(record.json()) })
 }

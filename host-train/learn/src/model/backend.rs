@@ -72,7 +72,7 @@ impl Backend {
         let first =
             Self::ALL.into_iter().filter(|backend| backend.is_built()).find_map(|b| gpu(&b).map(|d| (b, d.name)));
         let (backend, name) = first.unwrap_or((Self::Flex, processor()));
-        eprintln!("backend: {} ({name})", backend.name());
+        elunar_base::say::note(&format!("backend: {} ({name})", backend.name()));
         backend
     }
 

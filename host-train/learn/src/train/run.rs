@@ -15,10 +15,10 @@ use crate::model::store;
 use crate::stopwatch::{TrainingPart, pause, time};
 use burn::module::Module;
 use elunar_base::output::Owner;
+use elunar_base::progress::Bar;
 use elunar_base::{Error, Result, interrupt, read};
 use elunar_net::config::NetConfig;
 use elunar_net::weights::NetWeights;
-use indicatif::ProgressBar;
 use serde::{Deserialize, Serialize};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -243,7 +243,7 @@ impl Run {
         found.ok_or_else(|| Error::input(format!("{}: expected a checkpoint, found none", self.folder.display())))
     }
 
-    fn validate(&self, state: &mut Loop, step: usize, bar: &ProgressBar) -> Result<()> {
+    fn validate(&self, state: &mut Loop, step: usize, bar: &Bar) -> Result<()> {
         let device = state.trainer.device.clone().inner();
         let net = match &state.average {
             Some(average) => store::load(&self.record.network, &average.weights, &self.folder, &device)?,
@@ -253,7 +253,7 @@ impl Run {
         state.journal.validation(step, &found)?;
         let best = state.best_rmse.is_none_or(|best| found.rmse < best);
         bar.suspend(|| {
-            eprintln!(
+            elunar_base::say::note(&format!(
                 "step {step:6}  validation: RMSE {:.2} m (untrained {:.2}, coarse {:.2}), slope {:.2}° (untrained {:.2}°, coarse {:.2}°){}",
                 found.network.rmse_m,
                 found.untrained.map_or(f64::NAN, |scores| scores.rmse_m),
@@ -262,7 +262,7 @@ impl Run {
                 found.untrained.map_or(f64::NAN, |scores| scores.slope_mae_deg),
                 found.coarse.slope_mae_deg,
                 if best { "  best" } else { "" }
-            );
+            ));
         });
         if best {
             state.best_rmse = Some(found.rmse);
@@ -294,7 +294,7 @@ pub fn begun(folder: &Path) -> bool {
     folder.join(RECORD).exists() && (checkpoint::exists(folder) || weights())
 }
 
-fn progress(first: usize, steps: usize) -> ProgressBar {
+fn progress(first: usize, steps: usize) -> Bar {
     let bar = elunar_base::progress::bar("training", steps as u64, "steps").with_position(first as u64);
     bar.reset_eta();
     bar

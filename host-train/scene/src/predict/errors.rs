@@ -62,8 +62,7 @@ impl ErrorsWriter {
     /// # Errors
     /// As [`Writer::write_band_rows`].
     pub(super) fn add(&mut self, [heights_m, slopes, explained, dark]: [&[f32]; 4]) -> Result<()> {
-        let with_coarse: Vec<f32> = heights_m.iter().map(|sd| sd.hypot(self.coarse_sigma_m)).collect();
-        let origins: Vec<Origin> = explained.iter().zip(dark).map(|(e, d)| Origin::of(*e, *d)).collect();
+        let (with_coarse, origins) = of_row([heights_m, explained, dark], self.coarse_sigma_m);
         origins.iter().for_each(|origin| self.origins[*origin as usize] += 1);
         self.file.write_band_rows(0, &with_coarse)?;
         self.file.write_band_rows(1, slopes)?;
@@ -82,6 +81,13 @@ impl ErrorsWriter {
         staged.publish()?;
         Ok(self.origins)
     }
+}
+
+/// Returns the standard deviations of a row's heights with that of the coarse DTM's own, metres, and the origins of the heights, from the expected
+/// errors of the heights, the share that the image explains, and darkness.
+pub(super) fn of_row([heights_m, explained, dark]: [&[f32]; 3], coarse_sigma_m: f32) -> (Vec<f32>, Vec<Origin>) {
+    let with_coarse = heights_m.iter().map(|sd| sd.hypot(coarse_sigma_m)).collect();
+    (with_coarse, explained.iter().zip(dark).map(|(e, d)| Origin::of(*e, *d)).collect())
 }
 
 /// Returns the origins in words.

@@ -5,7 +5,7 @@ use super::identity::Identity;
 use super::tile::TileResult;
 use super::{DtmWriter, PartFile, Provenance, Scene, Survey, Tally, TileProgress};
 use elunar_base::output::Owner;
-use elunar_base::{Result, interrupt, progress};
+use elunar_base::{Result, interrupt, progress, say};
 use elunar_net::illumination::{LightSource, Lighting};
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -35,11 +35,10 @@ pub fn fill(
 ) -> Result<(PartFile, Tally)> {
     let from = part.rows();
     if from > 0 {
-        eprintln!("{}: going on after row {from} of {rows}", part.path().display());
+        say::note(&format!("{}: going on after row {from} of {rows}", part.path().display()));
     }
-    interrupt::listen();
     let keep = |part: &mut PartFile, rows: &[f32]| owner.check().and_then(|()| part.append(rows));
-    match with_progress(("", "tiles"), |progress| make(from, &mut |rows| keep(&mut part, rows), progress)) {
+    match tiles(|progress| make(from, &mut |rows| keep(&mut part, rows), progress)) {
         Ok(tally) => Ok((part, tally)),
         Err(error) if owner.check().is_err() => Err(error),
         Err(error) if part.rows() == 0 => {
@@ -51,6 +50,15 @@ pub fn fill(
             Err(error.and(&format!("; what was made is in {kept}, the same command goes on from there")))
         }
     }
+}
+
+/// Makes the tiles of a scene. A progress bar counts them, and Ctrl-C stops between them.
+///
+/// # Errors
+/// As `make`.
+pub fn tiles(make: impl FnOnce(TileProgress) -> Result<Tally>) -> Result<Tally> {
+    interrupt::listen();
+    with_progress(("", "tiles"), make)
 }
 
 /// The files of a finished job.
@@ -80,6 +88,22 @@ pub struct Finished {
     pub origins: Option<Origins>,
 }
 
+impl Default for Finished {
+    fn default() -> Self {
+        Self { low_m: f32::INFINITY, high_m: f32::NEG_INFINITY, pixels_valid: 0, origins: None }
+    }
+}
+
+impl Finished {
+    /// Counts heights.
+    pub(super) fn see(&mut self, heights_m: &[f32]) {
+        for &z in heights_m.iter().filter(|z| z.is_finite()) {
+            (self.low_m, self.high_m, self.pixels_valid) =
+                (self.low_m.min(z), self.high_m.max(z), self.pixels_valid + 1);
+        }
+    }
+}
+
 /// Reads all rows of a job, in order, in blocks.
 pub type ReadRows<'a> = &'a mut dyn FnMut(&mut dyn FnMut(&[f32]) -> Result<()>) -> Result<()>;
 
@@ -101,31 +125,31 @@ pub fn finish(
     let mut writer = DtmWriter::create(files.output, scene.rows, scene.cols, &scene.georef, &from)?;
     let errors = |(path, sigma_m)| ErrorsWriter::create(path, (scene.rows, scene.cols), &scene.georef, &from, sigma_m);
     let mut errors = files.errors.map(errors).transpose()?;
-    let (mut low_m, mut high_m, mut pixels_valid) = (f32::INFINITY, f32::NEG_INFINITY, 0);
-    let mut see = |heights_m: &[f32]| {
-        for &z in heights_m.iter().filter(|z| z.is_finite()) {
-            (low_m, high_m, pixels_valid) = (low_m.min(z), high_m.max(z), pixels_valid + 1);
-        }
-    };
-    let cols = scene.cols;
+    let mut finished = Finished::default();
     read(&mut |rows| {
         let Some(errors) = &mut errors else {
-            see(rows);
+            finished.see(rows);
             return writer.add(rows);
         };
-        for row in rows.chunks_exact(TileResult::LAYERS * cols) {
-            let (heights_m, rest) = row.split_at(cols);
-            see(heights_m);
+        for row in rows.chunks_exact(TileResult::LAYERS * scene.cols) {
+            let (heights_m, parts) = layers(row, scene.cols);
+            finished.see(heights_m);
             writer.add(heights_m)?;
-            errors.add([0, 1, 2, 3].map(|layer| &rest[layer * cols..][..cols]))?;
+            errors.add(parts)?;
         }
         Ok(())
     })?;
     // The DTM comes last, so that a DTM on disk has its errors beside it.
     owner.check()?;
-    let origins = errors.map(ErrorsWriter::finish).transpose()?;
+    finished.origins = errors.map(ErrorsWriter::finish).transpose()?;
     writer.finish(&|| owner.check())?;
-    Ok(Finished { low_m, high_m, pixels_valid, origins })
+    Ok(finished)
+}
+
+/// Returns the heights of a row, and its maps of expected errors.
+pub(super) fn layers(row: &[f32], cols: usize) -> (&[f32], [&[f32]; TileResult::LAYERS - 1]) {
+    let (heights_m, rest) = row.split_at(cols);
+    (heights_m, std::array::from_fn(|layer| &rest[layer * cols..][..cols]))
 }
 
 /// Runs work in pieces that Ctrl-C can stop, under a bar with the name of the work and of its pieces.

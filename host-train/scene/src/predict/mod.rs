@@ -9,6 +9,7 @@ pub mod errors;
 pub mod identity;
 pub mod int8;
 pub mod job;
+mod maps;
 pub mod neighbourhoods;
 pub mod network;
 pub mod notices;
@@ -39,6 +40,7 @@ mod unrelated_tests;
 
 pub use arrays::predict_array;
 pub use identity::sum_path;
+pub use maps::{ErrorMaps, Maps};
 pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::{PartFile, part_path};
 pub(crate) use run::{Cut, TileMaker, make_rows};

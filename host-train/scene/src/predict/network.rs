@@ -3,6 +3,7 @@
 use elunar_base::Result;
 use elunar_core::nn::InputRules;
 use elunar_core::tile::Shape;
+use std::sync::Arc;
 
 /// A loaded model. It is immutable; all threads share it.
 pub trait TileModel: Sync {
@@ -17,6 +18,25 @@ pub trait TileModel: Sync {
     /// # Errors
     /// If the worker's memory cannot be set up.
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>>;
+}
+
+/// A model that several jobs share.
+impl<M: TileModel + Send> TileModel for Arc<M> {
+    fn tile(&self) -> Shape {
+        self.as_ref().tile()
+    }
+
+    fn input_rules(&self) -> InputRules {
+        self.as_ref().input_rules()
+    }
+
+    fn description(&self) -> String {
+        self.as_ref().description()
+    }
+
+    fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
+        self.as_ref().worker()
+    }
 }
 
 /// The instance of a model for one thread.

@@ -1,0 +1,81 @@
+//! The maps of a prediction in memory, for callers that write no files.
+
+use super::errors::{Origins, of_row};
+use super::job::{Finished, layers};
+use super::tile::TileResult;
+use elunar_base::{Error, Result};
+
+/// Maps on the image's grid, row-major.
+#[derive(Debug, Clone, PartialEq)]
+pub struct Maps {
+    /// Heights, metres; NaN where image or coarse DTM is invalid.
+    pub heights_m: Vec<f32>,
+    /// Expected errors, if they were wanted.
+    pub errors: Option<ErrorMaps>,
+    cols: usize,
+    finished: Finished,
+}
+
+/// The errors that heights and slopes are expected to have, as the file of expected errors holds them.
+#[derive(Debug, Clone, PartialEq)]
+pub struct ErrorMaps {
+    /// Standard deviation of the heights, metres; NaN where there is no height.
+    pub heights_m: Vec<f32>,
+    /// Standard deviation of the slopes along either axis, metres per metre; NaN where there is no height.
+    pub slopes: Vec<f32>,
+    /// Codes of [`elunar_core::photoclinometry::Origin`].
+    pub origins: Vec<u8>,
+    coarse_sigma_m: f32,
+}
+
+impl Maps {
+    /// Makes empty maps of a scene with `shape` (rows, columns). With `coarse_sigma_m`, the standard deviation of the coarse DTM's own heights,
+    /// they take expected errors: rows must then have them ([`super::Options::layers`]).
+    ///
+    /// # Errors
+    /// [`Error::Io`] if the system refuses the memory.
+    pub fn new((rows, cols): (usize, usize), coarse_sigma_m: Option<f32>) -> Result<Self> {
+        let errors = |coarse_sigma_m| -> Result<ErrorMaps> {
+            let (heights_m, slopes, origins) = (room(rows * cols)?, room(rows * cols)?, room(rows * cols)?);
+            Ok(ErrorMaps { heights_m, slopes, origins, coarse_sigma_m })
+        };
+        let errors = coarse_sigma_m.map(errors).transpose()?;
+        Ok(Self { heights_m: room(rows * cols)?, errors, cols, finished: Finished::default() })
+    }
+
+    /// Adds finished rows, from top to bottom.
+    pub fn add(&mut self, rows: &[f32]) {
+        let Some(errors) = &mut self.errors else {
+            self.finished.see(rows);
+            return self.heights_m.extend_from_slice(rows);
+        };
+        for row in rows.chunks_exact(TileResult::LAYERS * self.cols) {
+            let (heights_m, [of_heights, slopes, explained, dark]) = layers(row, self.cols);
+            self.finished.see(heights_m);
+            self.heights_m.extend_from_slice(heights_m);
+            let (with_coarse, origins) = of_row([of_heights, explained, dark], errors.coarse_sigma_m);
+            errors.heights_m.extend(with_coarse);
+            errors.slopes.extend_from_slice(slopes);
+            errors.origins.extend(origins.iter().map(|origin| *origin as u8));
+        }
+    }
+
+    /// Returns what was found in the rows.
+    #[must_use]
+    pub fn finished(&self) -> Finished {
+        let origins = self.errors.as_ref().map(|errors| {
+            let mut counts = Origins::default();
+            errors.origins.iter().for_each(|&code| counts[usize::from(code)] += 1);
+            counts
+        });
+        Finished { origins, ..self.finished }
+    }
+}
+
+/// Returns an empty vector with room for so many items.
+fn room<T>(items: usize) -> Result<Vec<T>> {
+    let mut made = vec![];
+    elunar_base::memory::may_fail(|| made.try_reserve_exact(items))
+        .map_err(|e| Error::io("maps in memory")(e.into()))?;
+    Ok(made)
+}
