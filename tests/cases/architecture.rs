@@ -72,7 +72,10 @@ const EDGES: [(&str, &[&str]); 18] = [
             "elunar",
         ],
     ),
-    ("elunar-python", &["elunar-base", "elunar-raster", "elunar-synth", "elunar-evaluate", "elunar-scene", "elunar"]),
+    (
+        "elunar-python",
+        &["elunar-core", "elunar-base", "elunar-raster", "elunar-synth", "elunar-evaluate", "elunar-scene", "elunar"],
+    ),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
     (

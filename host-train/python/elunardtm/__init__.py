@@ -20,7 +20,8 @@ import os
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from datetime import datetime, timezone
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -32,8 +33,8 @@ from ._progress import Progress
 
 __version__ = _native.__version__
 __all__ = [
-    "Error", "Example", "InputError", "Light", "Model", "Prediction", "TryAgainError", "UsageError", "Warning",
-    "diff", "evaluate", "example", "hillshade", "lola", "mosaic", "render", "sfs",
+    "Error", "Example", "InputError", "Light", "Model", "Prediction", "SunDirection", "TryAgainError", "UsageError", "Warning",
+    "diff", "evaluate", "example", "hillshade", "lola", "mosaic", "render", "sfs", "sun_position",
 ]  # fmt: skip
 
 #: Where results in memory are, for the native part, which names its outputs. Nothing is written there.
@@ -52,6 +53,39 @@ def _words(options: dict[str, Any]) -> list[str]:
         elif value is not None and value is not False:
             words.append(f"{option}={os.fspath(value) if isinstance(value, os.PathLike) else value}")
     return words
+
+
+def _utc(time: Any) -> str | None:
+    """Returns a time as a text in UTC; a datetime without a zone is in UTC."""
+    if not isinstance(time, datetime):
+        return None if time is None else str(time)
+    return time.astimezone(timezone.utc).strftime("%Y-%m-%dT%H:%M:%S.%f") if time.tzinfo else time.isoformat()
+
+
+def sun_position(time: Any, lon: float, lat: float, *, body: str = "moon") -> SunDirection:
+    """Returns the direction of the Sun at a place on the Moon, or on ``"mars"``: longitude in degrees east, latitude in degrees north.
+
+    ``time`` is a text in UTC, or a datetime.
+
+    >>> round(sun_position("2009-08-30T12:00:00", 3.63, 26.13).azimuth, 1)
+    107.7
+    """
+    if body not in ("moon", "mars"):
+        raise UsageError(f"body: moon or mars expected, found {body}")
+    return SunDirection(*_native.sun(str(_utc(time)), lon, lat, body == "mars"))
+
+
+class SunDirection(NamedTuple):
+    """A direction of the Sun, degrees.
+
+    >>> SunDirection(107.7, 29.9).elevation
+    29.9
+    """
+
+    azimuth: float
+    """Clockwise from north."""
+    elevation: float
+    """Above the horizon; negative at night."""
 
 
 def _call(words: list[str], grids: Sequence[Grid], in_memory: bool, progress: Progress, **more: Any) -> _native.Outcome:
@@ -191,6 +225,7 @@ class Model:
         coarse_nodata: float | None = None,
         sun_azimuth: float | None = None,
         sun_elevation: float | None = None,
+        time: Any = None,
         fit_sun: bool = False,
         uncertainty: bool = False,
         coarse_sigma: float | None = None,
@@ -206,8 +241,8 @@ class Model:
         before it was interpolated, metres. ``coarse_crs`` is that of the image unless it is given. ``image_nodata`` and ``coarse_nodata`` are samples
         that mean no measurement. ``coarse_unit`` is for files that state none.
 
-        ``sun_azimuth`` is degrees clockwise from the grid's up, ``sun_elevation`` degrees above the horizon. Angles that are not given are those
-        that the image's file states, unless ``fit_sun``, or fitted. ``uncertainty`` also makes the expected errors, from the standard deviation of
+        ``sun_azimuth`` is degrees clockwise from the grid's up, ``sun_elevation`` degrees above the horizon. Angles that are not given follow
+        from ``time`` (a text in UTC, or a datetime); else they are those that the image's file states, unless ``fit_sun``, or fitted. ``uncertainty`` also makes the expected errors, from the standard deviation of
         the coarse DTM's own heights, ``coarse_sigma``, metres [default: 0.04 of its pixels, at most 3 m]. ``overlap`` is that of neighbouring tiles,
         pixels. ``no_anchor`` takes the low frequencies from the network. ``threads``: 0 takes as many as the machine offers. ``progress`` is a
         function of (tiles done, all tiles), True for a bar of tqdm, False for none, ``"auto"`` for a bar in notebooks.
@@ -234,8 +269,8 @@ class Model:
         words += _of_files(seen, ground, crs, coarse_crs, coarse_unit, image_nodata, coarse_nodata)
         words += _words(
             {
-                "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation, "fit_sun": fit_sun, "overlap": overlap,
-                "no_anchor": no_anchor, "threads": threads,
+                "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation, "time": _utc(time),
+                "fit_sun": fit_sun, "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
             }
         )  # fmt: skip
         words += _words({"coarse_sigma": coarse_sigma, "uncertainty": "errors.tif" if uncertainty else None})
@@ -256,6 +291,7 @@ class Model:
         coarse_nodata: float | None = None,
         sun_azimuth: float | None = None,
         sun_elevation: float | None = None,
+        time: Any = None,
         fit_sun: bool = False,
         uncertainty: Path | None = None,
         coarse_sigma: float | None = None,
@@ -283,7 +319,7 @@ class Model:
                 "image": image, "coarse": coarse, "output": output, "image_srs": _grids.crs_text(image_srs),
                 "coarse_srs": _grids.crs_text(coarse_srs), "coarse_unit": coarse_unit, "image_nodata": image_nodata,
                 "coarse_nodata": coarse_nodata, "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation,
-                "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "part_dir": part_dir,
+                "time": _utc(time), "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "part_dir": part_dir,
                 "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
             }
         )  # fmt: skip
@@ -541,6 +577,7 @@ def sfs(
     coarse_nodata: float | None = None,
     sun_azimuth: float | None = None,
     sun_elevation: float | None = None,
+    time: Any = None,
     fit_sun: bool = False,
     smoothness_weight: float | None = None,
     dem_constraint_weight: float | None = None,
@@ -554,7 +591,7 @@ def sfs(
     """Makes a DTM by shape from shading, for comparison with :meth:`Model.predict`.
 
     ``image`` is relative brightness, ``coarse`` heights in metres, of shape (rows, columns), each with its place. ``sun_azimuth`` is degrees clockwise
-    from the grid's up, ``sun_elevation`` degrees above the horizon; ``fit_sun`` fits what is not given. The other options are those of ``elunar
+    from the grid's up, ``sun_elevation`` degrees above the horizon; ``time`` says where it stood, ``fit_sun`` fits what is not given. The other options are those of ``elunar
     sfs``. Returns the heights, metres, float32 of the image's kind, and what ``--json`` prints; with ``output``, for inputs that are files, a GeoTIFF is
     written instead of the heights, which are None.
 
@@ -575,7 +612,7 @@ def sfs(
     words += _words(
         {
             "output": _NOWHERE if output is None else output, "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation,
-            "fit_sun": fit_sun, "smoothness_weight": smoothness_weight, "dem_constraint_weight": dem_constraint_weight,
+            "time": _utc(time), "fit_sun": fit_sun, "smoothness_weight": smoothness_weight, "dem_constraint_weight": dem_constraint_weight,
             "shadow_threshold": shadow_threshold, "levels": levels, "iterations": iterations, "tolerance": tolerance,
             "threads": threads,
         }

@@ -30,7 +30,7 @@ pub(crate) fn hold(py: Python<'_>, arrays: Vec<Array<'_>>) -> PyResult<Held> {
         let [rows, cols] = [samples.shape()[0], samples.shape()[1]];
         let samples = samples.as_array().iter().copied().collect();
         let raster = Raster { rows, cols, samples, georef: Some(GeoRef { transform, crs }) };
-        let sun = StatedSun { azimuth_deg, elevation_deg };
+        let sun = StatedSun { azimuth_deg, elevation_deg, time: None };
         held.add(name, Arc::new(InMemory::new(raster, None, format!("array, {kind}")).with_sun(sun)));
     }
     Ok(held)

@@ -8,6 +8,7 @@ mod work;
 
 use elunar::cli::Cli;
 use elunar_base::SOFTWARE;
+use elunar_core::sun::{Body, UtcTime, sub_solar};
 use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::TileModel as _;
 use elunar_synth::{Moon, SynthOptions};
@@ -54,6 +55,15 @@ fn options(command: &str) -> Vec<String> {
     found.map(names).unwrap_or_default()
 }
 
+/// Azimuth and elevation of the Sun at a place, degrees.
+#[pyfunction]
+fn sun(py: Python<'_>, time: &str, lon: f64, lat: f64, mars: bool) -> PyResult<(f64, f64)> {
+    let time: UtcTime = time.parse().map_err(|why| errors::named(py, "usage", format!("time: {why}, found {time}")))?;
+    let body = if mars { Body::Mars } else { Body::Moon };
+    let direction = sub_solar(body, time).seen_from(lat, lon);
+    Ok((direction.azimuth_deg, direction.elevation_deg))
+}
+
 /// Arrays and their transforms, in GDAL's order.
 type Maps<'py> = Vec<(Bound<'py, PyAny>, [f64; 6])>;
 
@@ -87,5 +97,6 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(call::call, module)?)?;
     module.add_function(wrap_pyfunction!(options, module)?)?;
     module.add_function(wrap_pyfunction!(scene, module)?)?;
+    module.add_function(wrap_pyfunction!(sun, module)?)?;
     module.add_function(wrap_pyfunction!(write_scene, module)?)
 }

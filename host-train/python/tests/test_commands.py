@@ -90,3 +90,18 @@ def test_wrong_options_are_refused(scene):
 def test_records_are_objects_of_json(scene):
     made = elunardtm.Model.load("nano").predict(scene.image, scene.coarse, **scene.place)
     assert json.loads(json.dumps(made.record)) == made.record
+
+
+def test_the_sun_from_a_time(scene):
+    from datetime import datetime, timedelta, timezone
+
+    there = elunardtm.sun_position("2009-08-30T12:00:00", 3.63, 26.13)
+    moment = datetime(2009, 8, 30, 14, tzinfo=timezone(timedelta(hours=2)))
+    assert elunardtm.sun_position(moment, 3.63, 26.13) == there
+    assert abs(there.azimuth - 107.71) < 0.02 and abs(there.elevation - 29.92) < 0.02
+    assert elunardtm.sun_position(moment, 3.63, 26.13, body="mars") != there
+    with pytest.raises(elunardtm.UsageError, match="a moment in UTC"):
+        elunardtm.sun_position("noon", 0, 0)
+    place = scene.place
+    made = elunardtm.Model.load("nano").predict(scene.image, scene.coarse, **place, time="2009-08-30T12:00:00")
+    assert made.record["light"]["azimuth_from_time"] is True
