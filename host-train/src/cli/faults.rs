@@ -118,14 +118,14 @@ pub fn run_command(args: &Args) -> Result<()> {
 /// What bits flip in.
 enum FaultSubject<'a> {
     Tile(Moments),
-    Strip(StripCampaign<'a>),
+    Strip(Box<StripCampaign<'a>>),
 }
 
 impl<'a> FaultSubject<'a> {
     fn record(args: &Args, model: &'a Int8Model) -> Result<Self> {
         let moments = args.moments as usize;
         Ok(match args.strip {
-            true => Self::Strip(StripCampaign::record(model, args.seed, moments)?),
+            true => Self::Strip(Box::new(StripCampaign::record(model, args.seed, moments)?)),
             false => Self::Tile(Moments::record(model, args.seed, moments, !args.unprotected)?),
         })
     }

@@ -140,6 +140,11 @@ fn structures_are_laid_out_as_described() {
         tile_faults,
     });
     compare_layout("eld_telemetry_t", &telemetry, size_of::<eld_telemetry_t>(), 1);
+}
+
+#[test]
+#[cfg(target_pointer_width = "64")]
+fn structures_of_strips_are_laid_out_as_described() {
     let strip = layout!(eld_strip_telemetry_t {
         struct_bytes,
         last_fault,
