@@ -36,6 +36,9 @@ struct Kept {
     taken: usize,
 }
 
+/// What a network changes.
+type Network = (StripPaused, Vec<u8>);
+
 /// A clean run of a strip, with its memory at some moments.
 pub struct StripCampaign<'a> {
     model: &'a Int8Model,
@@ -46,6 +49,9 @@ pub struct StripCampaign<'a> {
     lines: usize,
     /// The kept memory, and the call that comes next.
     moments: Vec<(Kept, &'static str)>,
+    /// The memory before and after the network of each tile of the clean run. Nothing else changes meanwhile, so a run that begins a network with
+    /// the same memory goes on behind it.
+    networks: Vec<[Network; 2]>,
     /// Heights, their expected errors and origins of the clean run, line by line.
     clean: Vec<f32>,
     calls: usize,
@@ -65,8 +71,8 @@ impl<'a> StripCampaign<'a> {
         let plan = StripPlan::new(&model.model(), settings).map_err(|e| unusable(&e))?;
         let image = scene.image.iter().flat_map(|v| (*v as u16).to_le_bytes()).collect();
         let posts = scene.coarse.heights_m.clone();
-        let (moments, clean) = (vec![], vec![]);
-        let mut all = Self { model, plan, image, posts, grid, lines, moments, clean, calls: usize::MAX };
+        let (moments, networks, clean) = (vec![], vec![], vec![]);
+        let mut all = Self { model, plan, image, posts, grid, lines, moments, networks, clean, calls: usize::MAX };
         let kept = all.begin()?;
         let (mut moments, mut now) = (vec![], kept.clone());
         let mut run = LineRun::default();
@@ -82,14 +88,22 @@ impl<'a> StripCampaign<'a> {
             let before = steps[..call].iter().filter(|step| **step == steps[call]).count();
             before * count / (2 * kind) != (before + 1) * count / (2 * kind)
         };
-        let (mut saved, mut now) = (vec![], kept);
+        let (mut saved, mut networks, mut now): (Vec<_>, Vec<[Network; 2]>, _) = (vec![], vec![], kept);
         for (number, call) in moments.iter().enumerate() {
             if wanted(number) {
                 saved.push((now.clone(), *call));
             }
+            let network = |kept: &Kept| (kept.paused, kept.arena.clone());
+            let begins = *call == "network" && number.checked_sub(1).is_some_and(|before| moments[before] != "network");
+            if begins {
+                networks.push([network(&now), network(&now)]);
+            }
             all.call(&mut now, &mut run);
+            if let Some([_, after]) = networks.last_mut().filter(|_| *call == "network") {
+                *after = network(&now);
+            }
         }
-        all.moments = saved;
+        (all.moments, all.networks) = (saved, networks);
         Ok(all)
     }
 
@@ -118,6 +132,10 @@ impl<'a> StripCampaign<'a> {
     /// Makes the call that a strip needs; returns its name, or `None` if the strip is at its end.
     fn call(&self, kept: &mut Kept, run: &mut LineRun) -> Option<&'static str> {
         let Kept { paused, arena, bytes, samples, lines, post_rows, taken } = kept;
+        if let Some([_, after]) = self.networks.iter().find(|[before, _]| before.0 == *paused && before.1 == *arena) {
+            (*paused, *arena) = after.clone();
+            return Some("network");
+        }
         run.sums.resize(self.plan.sums_len(), 0.0);
         let memory = StripMemory { bytes, samples, sums: &mut run.sums };
         let runner = Runner::resume(self.model.kernel(), self.model.model(), arena, &paused.runner).ok()?;
