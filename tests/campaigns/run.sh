@@ -38,8 +38,9 @@ miri() {
         cargo +nightly miri test --locked --package elunar-provoke --target-dir "${CARGO_TARGET_DIR:-target}/miri" --test small_programs -- --nocapture
 }
 
-# Flips bits in the memory of a strip.
+# Flips bits in the memory of strips: of a tiny model, and of the shipped one.
 strip() {
+    ELUNAR_FLIPS="${ELUNAR_FLIPS:-20000}" ignored --package elunar-core --lib many_flips
     cargo run --locked --quiet --package host-train -- faults host-train/models/nano.eld --strip \
         --injections "${ELUNAR_FLIPS:-20000}" --out "$folder/strip"
 }
