@@ -1,7 +1,9 @@
 //! A short fault campaign on the shipped model. For the long one, there is a command; see the documents of the flight library.
 
 use elunar_scene::predict::int8;
-use host_train::faults::{Campaign, CampaignResults, FaultOutcome, InjectionTarget, Moments, markdown, run};
+use host_train::faults::{
+    Campaign, CampaignResults, FaultOutcome, InjectionTarget, Moments, StripCampaign, markdown, run, run_strip,
+};
 use std::collections::BTreeSet;
 use std::path::Path;
 
@@ -55,4 +57,21 @@ fn without_protection_the_campaign_sees_what_it_is_for() {
     let results = campaign(false, 2);
     let silent = |target| results.of(target).of(FaultOutcome::Silent);
     assert!(silent(InjectionTarget::Constants) + silent(InjectionTarget::Maps) > 0, "{}", markdown(&results));
+}
+
+#[test]
+fn no_bit_of_a_strips_memory_changes_heights_silently() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("models/nano.eld");
+    let model = int8::open(&path).unwrap();
+    let strip = StripCampaign::record(&model, 3, 40).unwrap();
+    let results = run_strip(&strip, &Campaign { injections: 120, seed: 3, threads: 2 }, None, || {}).unwrap();
+    eprintln!("{}", markdown(&results));
+    let all = results.all();
+    let [silent, hang, crash] = [FaultOutcome::Silent, FaultOutcome::Hang, FaultOutcome::Crash].map(|o| all.of(o));
+    assert_eq!((all.all(), silent, hang, crash), (120, 0, 0, 0));
+    for target in InjectionTarget::STRIP {
+        assert_eq!(results.of(target).all(), 20, "{}", target.name());
+    }
+    let told = all.of(FaultOutcome::Recovered) + all.of(FaultOutcome::Reported);
+    assert!(told > 20, "{told}");
 }

@@ -114,7 +114,7 @@ const UNSAFE_ALLOWED: [&str; 12] = [
     "core/src/nn/dispatch/",
     "core/src/nn/kernels/",
     "host-train/elunar/src/memory.rs",
-    "onboard/capi/src/ffi.rs",
+    "onboard/capi/src/ffi",
     "onboard/capi/tests/",
     "onboard/flight/demo/src/arch/",
     "onboard/flight/demo/src/c_calls.rs",

@@ -39,12 +39,14 @@ impl TileJob {
     /// [`JobError::Changed`].
     pub fn check<F>(&self, memory: &TileMemory<'_>) -> Result<(), JobError<F>> {
         let Seals { coarse, valid, scratch } = self.seals;
-        let holds = |kept: bool, found: &dyn Fn() -> u32, seal: u32| !kept || found() == seal;
-        let part = match () {
-            () if !holds(self.is_begun(), &|| sum_floats(memory.coarse_m), coarse) => TilePart::Coarse,
-            () if !holds(self.is_begun(), &|| sum_bytes(memory.valid), valid) => TilePart::Valid,
-            () if !holds(self.keeps_scratch(), &|| sum_floats(memory.scratch), scratch) => TilePart::Scratch,
-            () => return Ok(()),
+        let part = if self.is_begun() && sum_floats(memory.coarse_m) != coarse {
+            TilePart::Coarse
+        } else if self.is_begun() && sum_bytes(memory.valid) != valid {
+            TilePart::Valid
+        } else if self.keeps_scratch() && sum_floats(memory.scratch) != scratch {
+            TilePart::Scratch
+        } else {
+            return Ok(());
         };
         Err(JobError::Changed { part })
     }

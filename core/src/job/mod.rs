@@ -248,6 +248,12 @@ impl TileJob {
         self.pass as u8 >= Pass::Network as u8
     }
 
+    /// Returns whether the tile is prepared and its network not done.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.pass == Pass::Network
+    }
+
     /// Returns whether the coarse DTM's samples are still being taken.
     pub(crate) fn takes_samples(&self) -> bool {
         self.pass == Pass::Take

@@ -4,10 +4,10 @@
 
 use super::cut::Cut;
 use super::expected::{Expected, LineErrors, parts};
-use super::mean::{MEAN_BYTES, MEANS, clear, mean, put_mean};
+use super::mean::{MEAN_BYTES, MEANS, clear, means};
 use super::ring::{PIECE, Ring};
 use crate::overlap::{Open, OverlapWeights, TAPS};
-use crate::part::{item, part_mut, put};
+use crate::part::{item, part, part_mut, put};
 use crate::photoclinometry::Origin;
 use crate::samples::{Samples, is_set};
 use crate::tile::{Shape, Window};
@@ -47,11 +47,7 @@ impl Blend<'_> {
 
     /// Makes all lines empty.
     pub(super) fn clear(&mut self) {
-        (0..self.tile.rows).for_each(|row| self.empty(row));
-    }
-
-    fn empty(&mut self, row: usize) {
-        self.means.write(row, |bytes| bytes.chunks_mut(PIECE).for_each(clear));
+        (0..self.tile.rows).for_each(|row| self.means.rewrite(row, |piece, _| clear(piece)));
     }
 
     /// Adds line `r` of a tile wherever it is valid. Returns the number of pieces that are lost since the last time.
@@ -68,14 +64,17 @@ impl Blend<'_> {
         let lost = self.means.check(row, MEAN_BYTES * window.col..MEAN_BYTES * end);
         for piece in window.col / MEANS..end.div_ceil(MEANS) {
             let first = piece * MEANS;
+            let (from, to) = (first.max(window.col), end.min(first.saturating_add(MEANS)));
+            let (c, count) = (from - window.col, to - from);
+            let weights = part(before, c, count).iter().zip(part(own, c, count));
+            let heights_m = (r * cols + c..).zip(part(tile.heights_m, r * cols + c, count));
             self.means.change(row, piece, |bytes| {
-                for col in first.max(window.col)..end.min(first.saturating_add(MEANS)) {
-                    let c = col - window.col;
-                    let (pixel, weight, before) = (r * cols + c, item(own, c), item(before, c));
+                for ((mut mean, (before, weight)), (pixel, z)) in
+                    means(bytes).skip(from - first).zip(weights).zip(heights_m)
+                {
                     if is_set(tile.valid, pixel) {
-                        let (found, height) = (mean(bytes, col - first), f64::from(item(tile.heights_m, pixel)));
-                        let all = (found * before + weight * height) / (before + weight);
-                        put_mean(bytes, col - first, if found.is_nan() { height } else { all });
+                        let (found, z) = (mean.get(), f64::from(*z));
+                        mean.set(if found.is_nan() { z } else { (found * before + weight * z) / (before + weight) });
                     }
                 }
             });
@@ -87,14 +86,13 @@ impl Blend<'_> {
     /// since the last time.
     pub(super) fn take(&mut self, row: usize, out_m: &mut [f32]) -> u64 {
         let lost = self.means.check(row, 0..MEAN_BYTES * self.cols);
-        let line = self.means.line(row);
-        for ((number, piece), out_m) in line.bytes.chunks(PIECE).enumerate().zip(out_m.chunks_mut(MEANS)) {
-            let is_lost = line.is_lost(number * PIECE);
-            for (index, out_m) in out_m.iter_mut().enumerate() {
-                *out_m = if is_lost { f32::NAN } else { mean(piece, index) as f32 };
+        let mut pieces = out_m.chunks_mut(MEANS);
+        self.means.rewrite(row, |piece, is_lost| {
+            for (mean, out_m) in means(piece).zip(pieces.next().unwrap_or_default()) {
+                *out_m = if is_lost { f32::NAN } else { mean.get() as f32 };
             }
-        }
-        self.empty(row);
+            clear(piece);
+        });
         lost
     }
 

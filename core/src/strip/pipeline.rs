@@ -227,6 +227,12 @@ impl<'a, 'm> Strip<'a, 'm> {
         }
     }
 
+    /// Returns whether the network runs: its arena alone changes with the next step.
+    #[must_use]
+    pub fn is_running(&self) -> bool {
+        self.at.phase == Phase::Working && self.at.job.is_running()
+    }
+
     /// Number of lines that [`Self::take_line`] can return now.
     #[must_use]
     pub fn ready(&self) -> usize {

@@ -10,6 +10,7 @@ use crate::job::{TileJob, TileMemory, TileRules};
 use crate::nn::{Illumination, LightSource, Lighting, Model, required};
 use crate::pixels::PixelForm;
 use crate::tile::{Shape, Tiling};
+use core::ops::Range;
 
 /// The settings of a strip, known before its first line.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -160,6 +161,21 @@ impl StripPlan {
     #[must_use]
     pub fn sums_len(&self) -> usize {
         self.sums_len
+    }
+
+    /// Returns the places of the parts of [`super::StripMemory::bytes`], each with its checksums: image lines, coarse lines or posts, means of
+    /// heights, expected errors, and bits of a tile's valid heights.
+    #[must_use]
+    pub fn parts(&self) -> [Range<usize>; 5] {
+        let Rings { image, coarse, means, expected } = self.rings;
+        let mut end = 0;
+        let rings = [image, coarse, means, expected].map(|ring| ring.bytes().unwrap_or_default());
+        let [image, coarse, means, expected] = rings.map(|bytes| {
+            let start = end;
+            end += bytes;
+            start..end
+        });
+        [image, coarse, means, expected, end..self.bytes_len]
     }
 
     /// Number of bytes in total, without the model's own.

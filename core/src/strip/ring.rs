@@ -65,6 +65,15 @@ impl<'m> Ring<'m> {
         }
     }
 
+    /// Writes the pieces of line `row` one after the other. `each` is told whether a piece was lost. They must have been compared in this call.
+    pub(super) fn rewrite(&mut self, row: usize, mut each: impl FnMut(&mut [u8], bool)) {
+        let (bytes, seals) = self.parts(row);
+        for (piece, seal) in bytes.chunks_mut(PIECE).zip(seals.chunks_mut(SEAL)) {
+            each(piece, *seal == LOST);
+            copy(seal, &seal_of(piece));
+        }
+    }
+
     /// Changes a piece of line `row`, unless it is lost. It must have been compared in this call.
     pub(super) fn change(&mut self, row: usize, piece: usize, change: impl FnOnce(&mut [u8])) {
         let (bytes, seals) = self.parts(row);

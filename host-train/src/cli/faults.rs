@@ -1,17 +1,21 @@
-//! `host-train faults`: measures the effect of bit flips on a tile.
+//! `host-train faults`: measures the effect of bit flips on a tile or a strip.
 
-use crate::faults::{Campaign, CampaignJournal, FaultOutcome, InjectionTarget, Moments, markdown, picture, run};
+use crate::faults::{
+    Campaign, CampaignJournal, CampaignResults, FaultOutcome, InjectionTarget, Moments, StripCampaign, markdown,
+    picture, run, run_strip,
+};
 use elunar_base::output::Owner;
 use elunar_base::{Error, Result, atomic_write, interrupt, progress};
 use elunar_picture::write_png;
-use elunar_scene::predict::int8;
+use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::TileModel as _;
 use std::path::PathBuf;
 
 /// Options of `faults`.
 #[derive(Debug, clap::Args)]
 #[command(after_help = "\
-Flips one or two bits in the model, in the memory of a tile at work, or in its place, and lets the tile go on. Writes faults.md, \
+Flips one or two bits in the model, in the memory of a tile at work, or in its place, and lets the tile go on; with --strip in the memory \
+of a strip of lines. Writes faults.md, \
 faults.png and injections.csv; after a stop the same command goes on. --unprotected shows what the runner's checks bring.
 
 Examples:
@@ -34,8 +38,11 @@ pub struct Args {
     #[arg(long, default_value_t = 0, value_parser = elunar::threads::number)]
     pub threads: usize,
     /// Run the runner without checks of its memory.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "strip")]
     pub unprotected: bool,
+    /// Flip bits in what a strip keeps between its calls.
+    #[arg(long)]
+    pub strip: bool,
     /// Folder for the table and the picture.
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
@@ -53,14 +60,13 @@ pub fn run_command(args: &Args) -> Result<()> {
     let model = int8::open(&args.model)?;
     let owner = args.out.as_deref().map(|out| Owner::of_folder(out, "faults", FILES.map(String::from)));
     let _owner = owner.transpose()?;
-    let moments = Moments::record(&model, args.seed, args.moments as usize, !args.unprotected)?;
+    let subject = FaultSubject::record(args, &model)?;
     let available = std::thread::available_parallelism().map_or(1, |n| n.get());
     let threads = if args.threads == 0 { available } else { args.threads };
     let campaign = Campaign { injections: args.injections, seed: args.seed, threads };
-    let protection = if args.unprotected { "without protection" } else { "with protection" };
-    let what = format!("seed {}, {} moments, {protection}", args.seed, moments.moments.len());
+    let (moments, heights) = subject.identity();
+    let what = format!("seed {}, {moments} moments, {}", args.seed, subject.kind());
     let journal = args.out.as_deref().map(|out| {
-        let heights = moments.digest();
         CampaignJournal::open(&out.join(FILES[2]), &format!("{what}; {}, heights {heights}", model.description()))
     });
     let journal = journal.transpose()?;
@@ -71,7 +77,7 @@ pub fn run_command(args: &Args) -> Result<()> {
     // Panics are counted, but not printed.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
-    let results = run(&model, &moments, &campaign, journal.as_ref(), || bar.inc(1));
+    let results = subject.run(&model, &campaign, journal.as_ref(), || bar.inc(1));
     std::panic::set_hook(hook);
     bar.finish_and_clear();
     let results = results?;
@@ -96,6 +102,10 @@ pub fn run_command(args: &Args) -> Result<()> {
     if hangs + crashes > 0 {
         return Err(Error::input(format!("faults: expected no hang and no crash, found {hangs} and {crashes}")));
     }
+    if args.strip {
+        println!("silent: {} of {done}", all.of(FaultOutcome::Silent));
+        return Ok(());
+    }
     let silent = |target: InjectionTarget| 100.0 * results.of(target).share(FaultOutcome::Silent);
     println!(
         "silent: {:.3} % of flips in constants, {:.3} % in maps",
@@ -103,4 +113,49 @@ pub fn run_command(args: &Args) -> Result<()> {
         silent(InjectionTarget::Maps)
     );
     Ok(())
+}
+
+/// What bits flip in.
+enum FaultSubject<'a> {
+    Tile(Moments),
+    Strip(Box<StripCampaign<'a>>),
+}
+
+impl<'a> FaultSubject<'a> {
+    fn record(args: &Args, model: &'a Int8Model) -> Result<Self> {
+        let moments = args.moments as usize;
+        Ok(match args.strip {
+            true => Self::Strip(Box::new(StripCampaign::record(model, args.seed, moments)?)),
+            false => Self::Tile(Moments::record(model, args.seed, moments, !args.unprotected)?),
+        })
+    }
+
+    fn kind(&self) -> &'static str {
+        match self {
+            Self::Strip(_) => "memory of a strip",
+            Self::Tile(moments) if moments.protected => "with protection",
+            Self::Tile(_) => "without protection",
+        }
+    }
+
+    /// Returns the number of moments, and the digest of the clean run's heights.
+    fn identity(&self) -> (usize, String) {
+        match self {
+            Self::Strip(strip) => (strip.moments(), strip.digest()),
+            Self::Tile(moments) => (moments.moments.len(), moments.digest()),
+        }
+    }
+
+    fn run(
+        &self,
+        model: &Int8Model,
+        campaign: &Campaign,
+        journal: Option<&CampaignJournal>,
+        progress: impl Fn() + Sync,
+    ) -> Result<CampaignResults> {
+        match self {
+            Self::Strip(strip) => run_strip(strip, campaign, journal, progress),
+            Self::Tile(moments) => run(model, moments, campaign, journal, progress),
+        }
+    }
 }

@@ -25,12 +25,27 @@ pub enum InjectionTarget {
     StuckBit,
     /// The state of a run that a caller keeps between two steps, as plain numbers without a checksum.
     Place,
+    /// Image lines of a strip.
+    Lines,
+    /// Posts of a strip.
+    Posts,
+    /// Means of a strip's heights.
+    Means,
+    /// Expected errors of a strip's tiles.
+    Errors,
+    /// Validity bits of a strip's tile.
+    Valid,
+    /// Coarse heights and scratch memory of a strip's tile.
+    Buffers,
 }
 
 impl InjectionTarget {
-    /// All targets.
+    /// The targets of a tile.
     pub const ALL: [Self; 7] =
         [Self::Constants, Self::Program, Self::Header, Self::Maps, Self::Notes, Self::StuckBit, Self::Place];
+
+    /// The targets of a strip.
+    pub const STRIP: [Self; 6] = [Self::Lines, Self::Posts, Self::Means, Self::Errors, Self::Valid, Self::Buffers];
 
     /// Returns the name in the tables.
     pub const fn name(self) -> &'static str {
@@ -42,6 +57,12 @@ impl InjectionTarget {
             Self::Notes => "scratch and row checksums",
             Self::StuckBit => "stuck bit in a map",
             Self::Place => "place of the run, unguarded",
+            Self::Lines => "strip: image lines",
+            Self::Posts => "strip: posts",
+            Self::Means => "strip: means of heights",
+            Self::Errors => "strip: expected errors",
+            Self::Valid => "strip: validity of a tile",
+            Self::Buffers => "strip: coarse heights and scratch of a tile",
         }
     }
 
@@ -60,7 +81,8 @@ impl InjectionTarget {
             Self::Header => 4 * word::TILE..model.raw().body_offset().max(HEADER_BYTES),
             Self::Maps | Self::StuckBit => 0..model.scratch_offset(),
             Self::Notes => model.scratch_offset()..required(model),
-            Self::Place => 0..PLACE_BYTES,
+            // A strip says itself where its own are.
+            _ => 0..PLACE_BYTES,
         }
     }
 }
@@ -85,10 +107,21 @@ impl Injection {
     /// Returns injection `index` of a seed. A third of all injections flip two bits. Half of these are adjacent, the others anywhere in the
     /// target.
     pub fn new(model: &Model<'_>, moments: usize, seed: u64, index: u64) -> Self {
+        Self::draw(&InjectionTarget::ALL, |target| target.bytes(model), moments, seed, index)
+    }
+
+    /// Returns injection `index` of a seed into one of some targets; `place` tells the bytes of a target.
+    pub(super) fn draw(
+        targets: &[InjectionTarget],
+        place: impl Fn(InjectionTarget) -> Range<usize>,
+        moments: usize,
+        seed: u64,
+        index: u64,
+    ) -> Self {
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
         rng.set_stream(index);
-        let target = InjectionTarget::ALL[index as usize % InjectionTarget::ALL.len()];
-        let bytes = target.bytes(model);
+        let target = targets[index as usize % targets.len()];
+        let bytes = place(target);
         let mut any = || rng.random_range(8 * bytes.start..8 * bytes.end);
         let (first, far) = (any(), any());
         let near = if first + 1 < 8 * bytes.end { first + 1 } else { first - 1 };

@@ -37,9 +37,27 @@ pub fn run(
     journal: Option<&CampaignJournal>,
     progress: impl Fn() + Sync,
 ) -> Result<CampaignResults> {
-    let next = AtomicU64::new(0);
-    let worker = || -> Result<CampaignResults> {
+    repeat(campaign, journal, progress, || {
         let mut memory = WorkerMemory::new(model, moments);
+        move |index| {
+            let injection = Injection::new(&model.model(), moments.moments.len(), campaign.seed, index);
+            let outcome = memory.try_one(&injection, index);
+            let operator = moments.moments.get(injection.moment).map_or("none", |moment| moment.operator).into();
+            Tried { index, target: injection.target, bits: injection.count(), operator, outcome }
+        }
+    })
+}
+
+/// Makes the injections that a journal lacks, on several threads. `worker` makes what tries one on a thread.
+pub(super) fn repeat<W: FnMut(u64) -> Tried>(
+    campaign: &Campaign,
+    journal: Option<&CampaignJournal>,
+    progress: impl Fn() + Sync,
+    worker: impl Fn() -> W + Sync,
+) -> Result<CampaignResults> {
+    let next = AtomicU64::new(0);
+    let work = || -> Result<CampaignResults> {
+        let mut try_one = worker();
         let mut results = CampaignResults::default();
         loop {
             let index = next.fetch_add(1, Ordering::Relaxed);
@@ -49,17 +67,14 @@ pub fn run(
             if journal.is_some_and(|journal| journal.has(index)) {
                 continue;
             }
-            let injection = Injection::new(&model.model(), moments.moments.len(), campaign.seed, index);
-            let outcome = memory.try_one(&injection, index);
-            let operator = moments.moments.get(injection.moment).map_or("none", |moment| moment.operator).into();
-            let tried = Tried { index, target: injection.target, bits: injection.count(), operator, outcome };
+            let tried = try_one(index);
             journal.map_or(Ok(()), |journal| journal.add(&tried))?;
             results.add(&tried);
             progress();
         }
     };
     std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..campaign.threads.max(1)).map(|_| scope.spawn(worker)).collect();
+        let workers: Vec<_> = (0..campaign.threads.max(1)).map(|_| scope.spawn(work)).collect();
         let mut all = journal.map(|journal| journal.results().clone()).unwrap_or_default();
         for worker in workers {
             all.merge(&worker.join().unwrap_or_else(|_| Err(Error::input("faults: a thread failed")))?);

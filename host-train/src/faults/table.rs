@@ -57,7 +57,7 @@ pub fn markdown(results: &CampaignResults) -> String {
         line(&mut text, &format!("{} | {bits}", target.name()), counts);
     }
     line(&mut text, "all | ", &results.all());
-    text.push_str("\nMaps, notes and stuck bits by the operator at work:\n\n");
+    text.push_str("\nAll but the model and the place, by the operator or the call at work:\n\n");
     head(&mut text, "operator");
     for (operator, counts) in &results.by_operator {
         line(&mut text, operator, counts);

@@ -2,6 +2,7 @@
  *
  *     eld_model_check -> eld_init -> eld_begin, or eld_begin_step ... -> eld_step ... -> eld_output
  *                                    eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
+ *     eld_strip_plan -> eld_strip_init -> what eld_strip_step asks for: eld_strip_push, _push_posts, _take, _finish
  *
  * Made by cbindgen from onboard/capi/src (tests/header.rs); do not edit. C99 and C++17.
  *
@@ -10,8 +11,8 @@
  * order are refused. What the caller promises:
  *
  * - a pointer with its length names memory that exists, and that nobody else writes during the call (nor reads, if the library writes it);
- * - the memory lent to eld_init, and the model, live at their places as long as the context is used;
- * - a pointer given as a context came from eld_init, or points at 1 KiB that may be read and written;
+ * - the memory lent to eld_init or eld_strip_init, and the model, live at their places as long as the context is used;
+ * - a pointer given as a context or a strip came from eld_init or eld_strip_init, or points at 4 KiB that may be read and written;
  * - one thread at a time uses a context.
  */
 
@@ -27,7 +28,7 @@
  * +-----+-------------+-----------------+---------------------------------+
  * | sev |  0 (unused) |      unit       |              code               |
  * +-----+-------------+-----------------+---------------------------------+
- * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context
+ * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip
  */
 /** ELD_GOOD, ELD_NOTICE, ELD_REFUSED or ELD_FAULT. */
 #define ELD_SEVERITY(status) ((uint32_t)(status) >> 30)
@@ -49,6 +50,12 @@
 #define ELD_NOTICE_DROPPED_COARSE         UINT32_C(0x40040004) /**< begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's */
 
 #define ELD_NOTICE_REPAIRED               UINT32_C(0x40060001) /**< done; a damaged copy of the context was repaired from the other */
+
+#define ELD_NOTICE_STRIP_PUSH             UINT32_C(0x40070001) /**< the strip needs a line, or its end */
+#define ELD_NOTICE_STRIP_POSTS            UINT32_C(0x40070002) /**< the strip needs a row of posts, or their end, before its next line */
+#define ELD_NOTICE_STRIP_TAKE             UINT32_C(0x40070003) /**< finished lines of the strip must be taken first */
+#define ELD_NOTICE_STRIP_DONE             UINT32_C(0x40070004) /**< all tiles of the strip are done; its last lines can be taken */
+#define ELD_NOTICE_STRIP_NO_LINE          UINT32_C(0x40070005) /**< no line of the strip is finished */
 
 #define ELD_REFUSED_NULL                  UINT32_C(0x80010001) /**< a pointer is NULL */
 #define ELD_REFUSED_ALIGNMENT             UINT32_C(0x80010002) /**< a pointer is not aligned as its type demands */
@@ -84,6 +91,14 @@
 #define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
 #define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< no pixel of the tile is valid in both maps */
 #define ELD_REFUSED_TILE_FORMAT           UINT32_C(0x80040008) /**< the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist */
+
+#define ELD_REFUSED_STRIP_SETTINGS        UINT32_C(0x80070001) /**< an overlap, a number of lines kept or a choice of the strip's settings that does not exist */
+#define ELD_REFUSED_STRIP_SIZE            UINT32_C(0x80070002) /**< a strip without columns, or one that needs more memory than this machine can address */
+#define ELD_REFUSED_STRIP_GRID            UINT32_C(0x80070003) /**< the grid of posts does not run along the strip */
+#define ELD_REFUSED_STRIP_FULL            UINT32_C(0x80070004) /**< no room for a line or a row of posts: step, or take lines, first */
+#define ELD_REFUSED_STRIP_ENDED           UINT32_C(0x80070005) /**< the end of the strip or of its posts was announced */
+#define ELD_REFUSED_STRIP_POSTS_FIRST     UINT32_C(0x80070006) /**< the line needs another row of posts first */
+#define ELD_REFUSED_STRIP_NO_POSTS        UINT32_C(0x80070007) /**< the strip's coarse heights come with its lines, not as posts */
 
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
 
@@ -214,6 +229,11 @@
  * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
 typedef struct eld_context_t eld_context_t;
+
+/**
+ * A strip with its model's working memory, at the start of the memory lent to `eld_strip_init`. What holds for a context holds for it, too.
+ */
+typedef struct eld_strip_t eld_strip_t;
 
 /**
  * Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
@@ -511,6 +531,174 @@ typedef struct {
     uint64_t tile_faults;
 } eld_telemetry_t;
 
+/**
+ * Settings of a strip, known before its first line.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_strip_settings_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Pixels of a line. A line shorter than a tile is continued by its last pixel.
+     */
+    uint32_t cols;
+    /**
+     * Number of lines kept, at least the rows of a tile plus one; 0 for that number.
+     */
+    uint32_t ring_lines;
+    /**
+     * Overlap of neighbouring tiles, pixels; less than either side of a tile. The ground's `elunar predict` takes 100.
+     */
+    uint32_t overlap_px;
+    /**
+     * Ground size of a pixel, metres.
+     */
+    float pixel_m;
+    /**
+     * Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
+     */
+    float coarse_px;
+    /**
+     * Azimuth of the Sun, degrees clockwise from the direction of decreasing lines; NaN if unknown.
+     */
+    float sun_azimuth_deg;
+    /**
+     * Elevation of the Sun above the horizon, degrees; NaN if unknown.
+     */
+    float sun_elevation_deg;
+    /**
+     * 0: heights as the ground's `elunar predict` writes them. 1: the network decides about long and short waves, too (the paper).
+     */
+    uint32_t network_alone;
+    /**
+     * 1 if `eld_strip_take` shall give expected errors, else 0. Finished lines then keep their place until they are taken.
+     */
+    uint32_t expected_errors;
+    /**
+     * Number of posts in a row of the coarse DTM; 0 if coarse heights come with every line, on the image's pixels.
+     */
+    uint32_t post_cols;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * Row of the posts at the centre of the strip's first line. (0, 0) is the centre of the first post.
+     */
+    double post_row0;
+    /**
+     * Rows of posts per line; above 0.
+     */
+    double post_rows_per_line;
+    /**
+     * Column of the posts at the centre of the strip's first column.
+     */
+    double post_col0;
+    /**
+     * Columns of posts per pixel.
+     */
+    double post_cols_per_px;
+    /**
+     * The pixels of a line: format, flags, gain, offset and codes. `data`, `data_bytes` and `row_bytes` are not used.
+     */
+    eld_pixels_t pixels;
+} eld_strip_settings_t;
+
+/**
+ * Counters of a strip since `eld_strip_init`. They do not wrap within the time of a mission.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_strip_telemetry_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Latest fault; 0 if there was none.
+     */
+    eld_status_t last_fault;
+    /**
+     * Lines that `eld_strip_take` can return now.
+     */
+    uint64_t ready;
+    /**
+     * Calls with this strip.
+     */
+    uint64_t calls;
+    /**
+     * Calls that ended with a fault.
+     */
+    uint64_t faults;
+    /**
+     * Damaged copies of the strip's state that were repaired.
+     */
+    uint64_t context_repairs;
+    /**
+     * Tiles done, with those below.
+     */
+    uint64_t tiles;
+    /**
+     * Tiles without image contrast or coarse relief, which keep the coarse heights.
+     */
+    uint64_t tiles_coarse;
+    /**
+     * Tiles without a valid pixel.
+     */
+    uint64_t tiles_empty;
+    /**
+     * Tiles that began again after a fault.
+     */
+    uint64_t tiles_again;
+    /**
+     * Tiles given up after a second fault, which keep the coarse heights.
+     */
+    uint64_t tiles_lost;
+    /**
+     * Tiles given up after a third fault, which have no heights.
+     */
+    uint64_t tiles_void;
+    /**
+     * Times that the memory of a tile was found to have changed between two steps.
+     */
+    uint64_t memory_faults;
+    /**
+     * Pieces of kept lines, means or expected errors that were found to have changed. Their pixels are voids.
+     */
+    uint64_t pieces_lost;
+    /**
+     * Steps of the network.
+     */
+    uint64_t steps;
+    /**
+     * Multiply-accumulates.
+     */
+    uint64_t macs;
+    /**
+     * Input samples outside the range that the model was calibrated for.
+     */
+    uint64_t inputs_clamped;
+    /**
+     * Intermediate results cut to their tensor's range.
+     */
+    uint64_t saturated;
+    /**
+     * Bytes of the model compared with their checksums.
+     */
+    uint64_t scrubbed_bytes;
+    /**
+     * Complete passes over the model.
+     */
+    uint64_t scrub_passes;
+    /**
+     * Chunks of the model found to have changed.
+     */
+    uint64_t scrub_faults;
+    /**
+     * Tiles that were given up because the model or a map had changed in memory.
+     */
+    uint64_t tile_faults;
+} eld_strip_telemetry_t;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -632,6 +820,83 @@ eld_status_t eld_self_test_check(eld_context_t *context);
  * Copies the counters. `out->struct_bytes` must be set. Reads only the context, so it works with a damaged model.
  */
 eld_status_t eld_telemetry(eld_context_t *context, eld_telemetry_t *out);
+
+/**
+ * Validates a model and the settings of a strip, and writes the number of bytes of memory for `eld_strip_init`, which needs alignment as
+ * `eld_init`. `settings->struct_bytes` must be set.
+ */
+eld_status_t eld_strip_plan(const void *model,
+                            size_t model_bytes,
+                            const eld_strip_settings_t *settings,
+                            uint64_t *memory_bytes);
+
+/**
+ * Validates as `eld_strip_plan` does and makes a strip at the start of `memory`. Memory and model are lent as long as the strip is used; the
+ * model is read in place. Writes the strip to `*strip`; NULL if refused, and `memory` is unchanged. Lines may be pushed then.
+ */
+eld_status_t eld_strip_init(void *memory,
+                            size_t memory_bytes,
+                            const void *model,
+                            size_t model_bytes,
+                            const eld_strip_settings_t *settings,
+                            eld_strip_t **strip);
+
+/**
+ * Takes the next line: its pixels as the camera has them, in the form of the settings, and the coarse DTM on the same pixels, metres above
+ * the 1737.4 km sphere; with posts NULL and 0. The buffers are not needed after the call.
+ */
+eld_status_t eld_strip_push(eld_strip_t *strip,
+                            const void *line,
+                            size_t line_bytes,
+                            const float *coarse_m,
+                            size_t coarse_len);
+
+/**
+ * Takes the next row of the coarse DTM's posts, metres above the 1737.4 km sphere.
+ */
+eld_status_t eld_strip_push_posts(eld_strip_t *strip, const float *posts_m, size_t posts_len);
+
+/**
+ * Ends the rows of posts: lines up to the outer edge of the last row are continued from it, lines beyond are voids.
+ */
+eld_status_t eld_strip_finish_posts(eld_strip_t *strip);
+
+/**
+ * Ends the strip with the last line taken in.
+ */
+eld_status_t eld_strip_finish(eld_strip_t *strip);
+
+/**
+ * Works until `budget_macs` multiply-accumulates are spent, or a tile is done; nothing if a line must be pushed or taken first. Returns what
+ * the strip needs next: `ELD_RUNNING` this function, `ELD_NOTICE_STRIP_*` another.
+ */
+eld_status_t eld_strip_step(eld_strip_t *strip,
+                            uint64_t budget_macs);
+
+/**
+ * Copies the next finished line: heights in metres above the 1737.4 km sphere, NaN in voids, and its number. `ELD_NOTICE_STRIP_NO_LINE`: none
+ * is finished, and nothing is written. With expected errors in the settings: standard deviations of heights, metres, and slopes, metres per
+ * metre, and the origin of each height: 0 the image, 1 image and coarse DTM, 2 the coarse DTM, 3 a shadow, 4 a void. Each buffer has
+ * `heights_len` values. They may be NULL, all or none.
+ */
+eld_status_t eld_strip_take(eld_strip_t *strip,
+                            float *heights_m,
+                            float *height_errors_m,
+                            float *slope_errors,
+                            uint8_t *origins,
+                            size_t heights_len,
+                            uint64_t *line);
+
+/**
+ * Compares up to `max_bytes` of the model with its checksums, as `eld_scrub`. A model that was loaded again at its place serves the strip on.
+ */
+eld_status_t eld_strip_scrub(eld_strip_t *strip,
+                             size_t max_bytes);
+
+/**
+ * Copies the counters. `out->struct_bytes` must be set.
+ */
+eld_status_t eld_strip_telemetry(eld_strip_t *strip, eld_strip_telemetry_t *out);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -24,9 +24,11 @@ use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
 use elunar_core::nn::{Kernel, Model, TileLight, file};
-use elunar_core::pixels::{PixelFormat, Pixels};
+use elunar_core::pixels::{PixelForm, PixelFormat, Pixels};
 use elunar_core::tile::Shape;
 use elunar_core::{TileMemory, TileRules};
+
+pub mod strip;
 
 // ---- pointers ---------------------------------------------------------------------------------------------------------
 
@@ -400,9 +402,9 @@ unsafe fn begin_tile(context: *mut eld_context_t, tile: *const eld_tile_t, budge
     unsafe { with_model(context, begin) }
 }
 
-/// Returns the pixels of an image.
-fn pixels_of<'p>(image: &eld_pixels_t, shape: Shape, bytes: &'p [u8]) -> Result<Pixels<'p>, eld_status_t> {
-    let format = match image.format {
+/// Returns the form of pixels.
+fn form_of(pixels: &eld_pixels_t) -> Result<PixelForm, eld_status_t> {
+    let format = match pixels.format {
         ELD_PIXELS_F32 => PixelFormat::F32,
         ELD_PIXELS_U8 => PixelFormat::U8,
         ELD_PIXELS_U16_LE => PixelFormat::U16Le,
@@ -411,20 +413,21 @@ fn pixels_of<'p>(image: &eld_pixels_t, shape: Shape, bytes: &'p [u8]) -> Result<
         _ => return Err(ELD_REFUSED_TILE_FORMAT),
     };
     let known = if format == PixelFormat::F32 { 0 } else { ELD_PIXELS_HAS_NULL | ELD_PIXELS_HAS_SATURATED };
-    if image.flags & !known != 0 || !image.gain.is_finite() || !image.offset.is_finite() {
-        return Err(ELD_REFUSED_TILE_FORMAT);
-    }
-    let code = |flag: u32, code: u32| (image.flags & flag != 0).then_some(code);
-    Ok(Pixels {
-        bytes,
-        shape,
-        row_bytes: if image.row_bytes == 0 { format.row_bytes(shape.cols) } else { image.row_bytes },
+    let code = |flag: u32, code: u32| (pixels.flags & flag != 0).then_some(code);
+    let form = PixelForm {
         format,
-        gain: image.gain,
-        offset: image.offset,
-        null_code: code(ELD_PIXELS_HAS_NULL, image.null_code),
-        saturated_from: code(ELD_PIXELS_HAS_SATURATED, image.saturated_from),
-    })
+        gain: pixels.gain,
+        offset: pixels.offset,
+        null_code: code(ELD_PIXELS_HAS_NULL, pixels.null_code),
+        saturated_from: code(ELD_PIXELS_HAS_SATURATED, pixels.saturated_from),
+    };
+    if pixels.flags & !known == 0 && form.is_legal() { Ok(form) } else { Err(ELD_REFUSED_TILE_FORMAT) }
+}
+
+/// Returns the pixels of an image.
+fn pixels_of<'p>(image: &eld_pixels_t, shape: Shape, bytes: &'p [u8]) -> Result<Pixels<'p>, eld_status_t> {
+    let pixels = form_of(image)?.pixels(bytes, shape);
+    Ok(Pixels { row_bytes: if image.row_bytes == 0 { pixels.row_bytes } else { image.row_bytes }, ..pixels })
 }
 
 /// Returns the checksum of a tile's structure, without the bytes between its fields.

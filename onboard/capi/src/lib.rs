@@ -26,6 +26,7 @@ mod record;
 mod run;
 mod sealed;
 pub mod status;
+pub mod strip;
 mod tile;
 pub mod types;
 

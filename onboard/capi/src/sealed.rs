@@ -64,14 +64,15 @@ fn decode(copy: &[u8], magic: u64, words: &mut [u64]) -> bool {
     whole
 }
 
-fn write_words(block: &mut [u8], magic: u64, words: &[u64]) {
+/// Writes both copies of words.
+pub(crate) fn write_words(block: &mut [u8], magic: u64, words: &[u64]) {
     for copy in block.chunks_exact_mut(copy_bytes(words.len())).take(2) {
         encode(copy, magic, words);
     }
 }
 
-/// Returns whether a copy was damaged; `None` if both are.
-fn read_words(block: &[u8], magic: u64, words: &mut [u64]) -> Option<bool> {
+/// Reads words; returns whether a copy was damaged, `None` if both are.
+pub(crate) fn read_words(block: &[u8], magic: u64, words: &mut [u64]) -> Option<bool> {
     let len = copy_bytes(words.len());
     let (first, second) = block.get(..2 * len)?.split_at_checked(len)?;
     if decode(first, magic, words) {

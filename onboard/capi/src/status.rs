@@ -9,7 +9,7 @@
 //!       1 notice    done, and there is something to know
 //!       2 refused   not done, and nothing has changed
 //!       3 fault     memory has changed or a result is wrong: what the context or the model holds cannot be trusted
-//! unit  what it is about: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context
+//! unit  what it is about: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip
 //! ```
 //! (Severity, unit and code in one word follow cFE.) Values never change their meaning.
 
@@ -32,6 +32,7 @@ const MODEL: u32 = 3;
 const TILE: u32 = 4;
 const RUN: u32 = 5;
 const CONTEXT: u32 = 6;
+const STRIP: u32 = 7;
 
 /// Returns the word of a severity, a unit and a code.
 const fn word(severity: u32, unit: u32, code: u32) -> eld_status_t {
@@ -88,6 +89,12 @@ statuses! {
     ELD_NOTICE_DROPPED_COARSE = NOTICE, TILE, 4, "begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's";
     ELD_NOTICE_REPAIRED = NOTICE, CONTEXT, 1, "done; a damaged copy of the context was repaired from the other";
 
+    ELD_NOTICE_STRIP_PUSH = NOTICE, STRIP, 1, "the strip needs a line, or its end";
+    ELD_NOTICE_STRIP_POSTS = NOTICE, STRIP, 2, "the strip needs a row of posts, or their end, before its next line";
+    ELD_NOTICE_STRIP_TAKE = NOTICE, STRIP, 3, "finished lines of the strip must be taken first";
+    ELD_NOTICE_STRIP_DONE = NOTICE, STRIP, 4, "all tiles of the strip are done; its last lines can be taken";
+    ELD_NOTICE_STRIP_NO_LINE = NOTICE, STRIP, 5, "no line of the strip is finished";
+
     ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
     ELD_REFUSED_ALIGNMENT = REFUSED, CALL, 2, "a pointer is not aligned as its type demands";
     ELD_REFUSED_LENGTH = REFUSED, CALL, 3, "a length reaches beyond the address space";
@@ -122,6 +129,14 @@ statuses! {
     ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
     ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "no pixel of the tile is valid in both maps";
     ELD_REFUSED_TILE_FORMAT = REFUSED, TILE, 8, "the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist";
+
+    ELD_REFUSED_STRIP_SETTINGS = REFUSED, STRIP, 1, "an overlap, a number of lines kept or a choice of the strip's settings that does not exist";
+    ELD_REFUSED_STRIP_SIZE = REFUSED, STRIP, 2, "a strip without columns, or one that needs more memory than this machine can address";
+    ELD_REFUSED_STRIP_GRID = REFUSED, STRIP, 3, "the grid of posts does not run along the strip";
+    ELD_REFUSED_STRIP_FULL = REFUSED, STRIP, 4, "no room for a line or a row of posts: step, or take lines, first";
+    ELD_REFUSED_STRIP_ENDED = REFUSED, STRIP, 5, "the end of the strip or of its posts was announced";
+    ELD_REFUSED_STRIP_POSTS_FIRST = REFUSED, STRIP, 6, "the line needs another row of posts first";
+    ELD_REFUSED_STRIP_NO_POSTS = REFUSED, STRIP, 7, "the strip's coarse heights come with its lines, not as posts";
 
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
     ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";

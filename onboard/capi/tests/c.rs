@@ -4,6 +4,11 @@ mod cc;
 mod common;
 use cc::*;
 use common::*;
+use elunar_core::nn::{KnownSun, Lighting};
+use elunar_core::norm::LightFit;
+use elunar_core::pixels::PixelForm;
+use elunar_core::strip::{Next, Strip, StripMemory, StripPlan, StripSettings};
+use elunar_core::{Model, Runner};
 use std::ffi::OsString;
 use std::process::Command;
 
@@ -23,6 +28,59 @@ fn a_c_program_computes_what_rust_computes() {
         let said = run(Command::new(&program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));
         println!("{language}: {}", said.trim());
         assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Makes the golden tile as a strip of the core, with the light of the stated Sun.
+fn golden_strip() -> Vec<f32> {
+    let (tile, model) = (Tile::golden(), Model::new(nano()).unwrap());
+    let [azimuth_deg, elevation_deg] = tile.sun.map(|deg| Some(f64::from(deg)));
+    let sun = KnownSun { azimuth_deg, elevation_deg };
+    let settings = StripSettings {
+        cols: COLS,
+        ring_lines: StripPlan::least_lines(&model),
+        overlap_px: 100,
+        pixel_m: tile.pixel_m,
+        coarse_px: tile.coarse_px,
+        anchor: true,
+        light: Lighting::decide(model.illumination(), sun, &LightFit::default()),
+        pixels: PixelForm::F32,
+        posts: None,
+        expected_errors: false,
+    };
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let (mut arena, mut bytes) = (vec![0; plan.arena_bytes()], vec![0; plan.bytes_len()]);
+    let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
+    let memory = StripMemory { bytes: &mut bytes, samples: &mut samples, sums: &mut sums };
+    let mut strip = Strip::new(plan, Runner::new(model, &mut arena).unwrap(), memory).unwrap();
+    let mask = tile.valid.unwrap();
+    let seen = |map: &[f32], row: usize| -> Vec<f32> {
+        (row * COLS..(row + 1) * COLS).map(|i| if mask[i] == 1 { map[i] } else { f32::NAN }).collect()
+    };
+    for row in 0..ROWS {
+        strip.push_line(&seen(&tile.image, row), &seen(&tile.coarse_m, row)).unwrap();
+    }
+    strip.finish();
+    while strip.step(u64::MAX) != Next::Done {}
+    let mut heights_m = vec![0.0; PX];
+    heights_m.chunks_mut(COLS).for_each(|line| assert!(strip.take_line(line).unwrap().is_some()));
+    heights_m
+}
+
+#[test]
+fn a_strip_in_c_computes_what_rust_computes() {
+    let (folder, expected) = (folder("strip"), golden_strip());
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let program = build(&[source("strip.c")], language, &folder);
+        let out = folder.join("heights");
+        let model = repository().join("host-train/models/nano.eld");
+        let said = run(Command::new(&program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));
+        println!("{language}: {}", said.trim());
+        let found: Vec<f32> =
+            std::fs::read(&out).unwrap().as_chunks().0.iter().map(|bytes| f32::from_ne_bytes(*bytes)).collect();
+        let same = |(a, b): (&f32, &f32)| a.to_bits() == b.to_bits() || a.is_nan() && b.is_nan();
+        assert!(found.len() == PX && found.iter().zip(&expected).all(same), "{language}: other heights");
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }
@@ -64,6 +122,7 @@ fn the_readme_links() {
 /// Sizes and offsets of the C compiler equal those of Rust.
 #[test]
 fn structures_are_laid_out_alike() {
+    use elunar_capi::strip::types::*;
     use elunar_capi::types::*;
     use std::mem::{offset_of, size_of};
     let mut text = String::from("#include \"elunar.h\"\n#include <stddef.h>\n");
@@ -80,6 +139,8 @@ fn structures_are_laid_out_alike() {
         eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, image, coarse_m, coarse_len, valid, valid_len }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_telemetry_t { struct_bytes, valid_px, header_crc, calls, self_test_faults }
+        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels }
+        eld_strip_telemetry_t { struct_bytes, last_fault, ready, tiles, pieces_lost, tile_faults }
     }
     let folder = folder("layout");
     let path = folder.join("layout.c");

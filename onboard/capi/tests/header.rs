@@ -12,6 +12,7 @@ const PREAMBLE: &str = "\
  *
  *     eld_model_check -> eld_init -> eld_begin, or eld_begin_step ... -> eld_step ... -> eld_output
  *                                    eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
+ *     eld_strip_plan -> eld_strip_init -> what eld_strip_step asks for: eld_strip_push, _push_posts, _take, _finish
  *
  * Made by cbindgen from onboard/capi/src (tests/header.rs); do not edit. C99 and C++17.
  *
@@ -20,8 +21,8 @@ const PREAMBLE: &str = "\
  * order are refused. What the caller promises:
  *
  * - a pointer with its length names memory that exists, and that nobody else writes during the call (nor reads, if the library writes it);
- * - the memory lent to eld_init, and the model, live at their places as long as the context is used;
- * - a pointer given as a context came from eld_init, or points at 1 KiB that may be read and written;
+ * - the memory lent to eld_init or eld_strip_init, and the model, live at their places as long as the context is used;
+ * - a pointer given as a context or a strip came from eld_init or eld_strip_init, or points at 4 KiB that may be read and written;
  * - one thread at a time uses a context.
  */";
 
@@ -35,7 +36,7 @@ fn statuses() -> String {
  * +-----+-------------+-----------------+---------------------------------+
  * | sev |  0 (unused) |      unit       |              code               |
  * +-----+-------------+-----------------+---------------------------------+
- * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context
+ * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip
  */
 /** ELD_GOOD, ELD_NOTICE, ELD_REFUSED or ELD_FAULT. */
 #define ELD_SEVERITY(status) ((uint32_t)(status) >> 30)
@@ -85,7 +86,8 @@ fn generated() -> String {
         line_length: 120,
         ..Config::default()
     };
-    let builder = Builder::new().with_config(config).with_src(source.join("types.rs")).with_src(source.join("ffi.rs"));
+    let sources = ["types.rs", "strip/types.rs", "ffi.rs", "ffi/strip.rs"].map(|name| source.join(name));
+    let builder = sources.into_iter().fold(Builder::new().with_config(config), Builder::with_src);
     let mut bytes = Vec::new();
     builder.generate().expect("cbindgen").write(&mut bytes);
     String::from_utf8(bytes).unwrap()
@@ -109,14 +111,14 @@ fn the_header_is_up_to_date() {
 #[test]
 fn the_header_has_every_function_and_status() {
     let header = generated();
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/ffi.rs");
-    let source = std::fs::read_to_string(source).unwrap();
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let source = ["ffi.rs", "ffi/strip.rs"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap()).concat();
     let functions: Vec<&str> = source
         .lines()
         .filter_map(|line| line.split_once("extern \"C\" fn ")?.1.split_once('('))
         .map(|(name, _)| name)
         .collect();
-    assert_eq!(functions.len(), 17, "{functions:?}");
+    assert_eq!(functions.len(), 27, "{functions:?}");
     for name in functions.iter().copied().chain(STATUSES.iter().map(|known| known.name)) {
         assert!(header.contains(name), "{name}");
     }

@@ -3,6 +3,7 @@
 use crate::pages::{read, section, table};
 use crate::{number, page};
 use elunar_capi::status::STATUSES;
+use elunar_capi::strip::types::*;
 use elunar_capi::types::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
@@ -49,7 +50,9 @@ fn every_status_is_listed_with_its_word_and_answered_by_some_function() {
     let (_, functions) = page.split_once("### 2.1").unwrap();
     let (functions, _) = functions.split_once("### 2.3").unwrap();
     for name in code.keys() {
-        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_"].into_iter().find(|family| name.starts_with(family));
+        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_", "ELD_NOTICE_STRIP_"]
+            .into_iter()
+            .find(|family| name.starts_with(family));
         let said = family.map_or(format!("`{name}`"), |family| format!("`{family}*`"));
         assert!(functions.contains(&said), "{name}: no function answers it");
     }
@@ -137,6 +140,56 @@ fn structures_are_laid_out_as_described() {
         tile_faults,
     });
     compare_layout("eld_telemetry_t", &telemetry, size_of::<eld_telemetry_t>(), 1);
+}
+
+#[test]
+#[cfg(target_pointer_width = "64")]
+fn structures_of_strips_are_laid_out_as_described() {
+    let strip = layout!(eld_strip_telemetry_t {
+        struct_bytes,
+        last_fault,
+        ready,
+        calls,
+        faults,
+        context_repairs,
+        tiles,
+        tiles_coarse,
+        tiles_empty,
+        tiles_again,
+        tiles_lost,
+        tiles_void,
+        memory_faults,
+        pieces_lost,
+        steps,
+        macs,
+        inputs_clamped,
+        saturated,
+        scrubbed_bytes,
+        scrub_passes,
+        scrub_faults,
+        tile_faults,
+    });
+    compare_layout("eld_strip_telemetry_t", &strip, size_of::<eld_strip_telemetry_t>(), 1);
+    let settings = layout!(eld_strip_settings_t {
+        struct_bytes,
+        cols,
+        ring_lines,
+        overlap_px,
+        pixel_m,
+        coarse_px,
+        sun_azimuth_deg,
+        sun_elevation_deg,
+        network_alone,
+        expected_errors,
+        post_cols,
+        reserved,
+        post_row0,
+        post_rows_per_line,
+        post_col0,
+        post_cols_per_px,
+        pixels,
+    });
+    compare_layout("eld_strip_settings_t", &settings, size_of::<eld_strip_settings_t>(), 1);
 }
 
 #[test]
