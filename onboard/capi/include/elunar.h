@@ -83,11 +83,14 @@
 #define ELD_REFUSED_TILE_PIXEL            UINT32_C(0x80040003) /**< pixel_m or coarse_px is not finite and above 0 */
 #define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
 #define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< no pixel of the tile is valid in both maps */
+#define ELD_REFUSED_TILE_POSTS            UINT32_C(0x80040009) /**< the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well */
+#define ELD_REFUSED_TILE_LIGHT            UINT32_C(0x8004000b) /**< the light of the scene is none that eld_light_decide gives for this model */
 #define ELD_REFUSED_TILE_FORMAT           UINT32_C(0x80040008) /**< the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist */
 
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
 
-#define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the tile's validity bits have changed in memory; the tile is lost */
+#define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the bits of valid or dark pixels have changed in memory; the tile is lost */
+#define ELD_FAULT_LIGHT                   UINT32_C(0xc0040002) /**< what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again */
 
 #define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
 #define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
@@ -175,6 +178,11 @@
 #define ELD_PHASE_PREPARING 5
 
 /**
+ * Phase: `eld_light_add` looks at a tile.
+ */
+#define ELD_PHASE_LIGHT 6
+
+/**
  * Pixels: a float in the processor's own byte order.
  */
 #define ELD_PIXELS_F32 0
@@ -208,6 +216,51 @@
  * Flag of pixels: those with `saturated_from` or more are void.
  */
 #define ELD_PIXELS_HAS_SATURATED 2
+
+/**
+ * Origin of a height: the image explains at least half of the relief between the coarse DTM's pixels.
+ */
+#define ELD_ORIGIN_IMAGE 0
+
+/**
+ * Origin of a height: the image explains a tenth to a half of it.
+ */
+#define ELD_ORIGIN_BLENDED 1
+
+/**
+ * Origin of a height: the image explains less; the height is that of the coarse DTM.
+ */
+#define ELD_ORIGIN_COARSE 2
+
+/**
+ * Origin of a height: the pixel is dark; the height is that of its surroundings and of the coarse DTM.
+ */
+#define ELD_ORIGIN_SHADOW 3
+
+/**
+ * Origin of a height: image or coarse DTM is void; the height is filled.
+ */
+#define ELD_ORIGIN_VOID 4
+
+/**
+ * Source of a light: the network works with any light and takes none.
+ */
+#define ELD_SOURCE_NOT_ASKED 0
+
+/**
+ * Source of a light: every angle of the Sun that the network needs was stated.
+ */
+#define ELD_SOURCE_GIVEN 1
+
+/**
+ * Source of a light: fitted to image and coarse DTM, at least in part.
+ */
+#define ELD_SOURCE_FITTED 2
+
+/**
+ * Source of a light: neither stated nor shown.
+ */
+#define ELD_SOURCE_ASSUMED 3
 
 /**
  * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
@@ -337,6 +390,85 @@ typedef struct {
 } eld_pixels_t;
 
 /**
+ * A coarse DTM as posts on its own grid. The library interpolates it onto the image's grid as the ground does. Rows and columns of the posts run
+ * along those of the image: the centre of the image's pixel (row, column) is at row `row0 + row * rows_per_line` and column
+ * `col0 + column * cols_per_px` of the posts, where (0, 0) is the centre of the first post.
+ */
+typedef struct {
+    /**
+     * Heights at the posts, metres above the 1737.4 km sphere, row-major; samples that are not real are voids.
+     */
+    const float *posts_m;
+    /**
+     * Number of posts: whole rows.
+     */
+    size_t posts_len;
+    /**
+     * Posts in a row.
+     */
+    size_t cols;
+    /**
+     * Row of the posts at the image's first row.
+     */
+    double row0;
+    /**
+     * Rows of posts from a row of the image to the next; negative if they run the other way.
+     */
+    double rows_per_line;
+    /**
+     * Column of the posts at the image's first column.
+     */
+    double col0;
+    /**
+     * Columns of posts from a column of the image to the next.
+     */
+    double cols_per_px;
+} eld_posts_t;
+
+/**
+ * The light of a scene, decided by `eld_light_decide`. Tiles of one scene, and a strip, have one light: with a light of its own for each, heights
+ * would have steps at the seams. It holds for the models of one `ELD_LIGHT_*`.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_lighting_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Where the light comes from: one of `ELD_SOURCE_*`.
+     */
+    uint32_t source;
+    /**
+     * Change of relative brightness per slope of the ground, which rises towards increasing columns.
+     */
+    float east;
+    /**
+     * The same for ground that rises towards increasing rows.
+     */
+    float south;
+    /**
+     * Share of the relief found under this light that is kept, 0 to 1.
+     */
+    float trust;
+    /**
+     * Probability that the image shows the ground of the coarse DTM under this light, 0 to 1.
+     */
+    float related;
+    /**
+     * Share of the contrast of long waves that is relief, 0 to 1; NaN if unknown.
+     */
+    float long_share;
+    /**
+     * Standard deviation of the logarithm of the light's strength.
+     */
+    float log_strength_sd;
+    /**
+     * Standard deviation of the light's azimuth, degrees, 0 to 180.
+     */
+    float azimuth_sd_deg;
+} eld_lighting_t;
+
+/**
  * A tile in physical units. Maps are row-major, tile_rows x tile_cols samples, first row first; they are read until the tile is begun.
  * Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are voids.
  */
@@ -370,11 +502,11 @@ typedef struct {
      */
     eld_pixels_t image;
     /**
-     * Coarse DTM on the image's grid, metres above the 1737.4 km sphere.
+     * Coarse DTM on the image's grid, metres above the 1737.4 km sphere; NULL with `posts`.
      */
     const float *coarse_m;
     /**
-     * Number of samples of the coarse DTM.
+     * Number of samples of the coarse DTM; 0 with `posts`.
      */
     size_t coarse_len;
     /**
@@ -385,6 +517,14 @@ typedef struct {
      * Bytes of the mask; 0 with NULL.
      */
     size_t valid_len;
+    /**
+     * Coarse DTM on its own grid; NULL with `coarse_m`.
+     */
+    const eld_posts_t *posts;
+    /**
+     * The light of the tile's scene, in place of the Sun's angles; NULL: the tile's own.
+     */
+    const eld_lighting_t *light;
 } eld_tile_t;
 
 /**
@@ -611,6 +751,17 @@ eld_status_t eld_errors(eld_context_t *context,
                         eld_errors_t *out);
 
 /**
+ * Writes the errors that the finished tile's heights and slopes are expected to have, standard deviations: of each height, metres, and of the
+ * slope along either axis, metres per metre; and the origin of each height, one of `ELD_ORIGIN_*`. Errors are NaN where heights are not valid.
+ * Each map has `len` samples, one per pixel, or is NULL. Refused as `eld_errors`.
+ */
+eld_status_t eld_error_maps(eld_context_t *context,
+                            float *height_m,
+                            float *slope,
+                            uint8_t *origin,
+                            size_t len);
+
+/**
  * Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may
  * be called at any time between other calls. A fault means that a chunk has changed since it was loaded; the next call continues behind
  * it.
@@ -632,6 +783,28 @@ eld_status_t eld_self_test_check(eld_context_t *context);
  * Copies the counters. `out->struct_bytes` must be set. Reads only the context, so it works with a damaged model.
  */
 eld_status_t eld_telemetry(eld_context_t *context, eld_telemetry_t *out);
+
+/**
+ * Adds what a tile shows of the light of its scene, a piece of about `budget_macs` multiply-accumulates at a time. `ELD_RUNNING`: call again with
+ * the same structure, and unchanged maps. The angles of the Sun and `light` do not matter here. A tile in progress is dropped, with a notice.
+ */
+eld_status_t eld_light_add(eld_context_t *context,
+                           const eld_tile_t *tile,
+                           uint64_t budget_macs);
+
+/**
+ * Decides the light of the scene whose tiles were added: stated angles of the Sun are kept (degrees as in `eld_tile_t`, NaN if unknown), the rest is
+ * fitted to all of them. `out->struct_bytes` must be set. The light is for the tiles of the scene (`eld_tile_t.light`).
+ */
+eld_status_t eld_light_decide(eld_context_t *context,
+                              float sun_azimuth_deg,
+                              float sun_elevation_deg,
+                              eld_lighting_t *out);
+
+/**
+ * Forgets what was added by `eld_light_add`, before another scene.
+ */
+eld_status_t eld_light_clear(eld_context_t *context);
 
 #ifdef __cplusplus
 }  // extern "C"

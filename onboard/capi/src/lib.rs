@@ -13,7 +13,7 @@
 //! 1. [`ffi`] validates pointers and lengths and turns them into slices. It has the only functions for C, and the only `unsafe`.
 //! 2. `sealed` reads the context: plain numbers (`record`), kept twice, each copy under a checksum.
 //! 3. `layout` gives the places of the parts in the lent memory.
-//! 4. `begin` and `run` rebuild a runner for the duration of the call and suspend it again.
+//! 4. `begin` and `run` rebuild a runner for the duration of the call and suspend it again; `light` adds up what tiles show of their light.
 //! 5. [`status`] defines the status word of the call.
 #![no_std]
 
@@ -22,6 +22,7 @@ mod context;
 pub mod ffi;
 mod info;
 mod layout;
+mod light;
 mod record;
 mod run;
 mod sealed;

@@ -1,4 +1,4 @@
-//! Words in the lent memory that are kept twice, each copy under a checksum: the context's record, and the tile's job.
+//! Words in the lent memory that are kept twice, each copy under a checksum: the context's record, the tile's job, and the light of the scene.
 //!
 //! ```text
 //! byte 0                        8                            8 + 8 words             copy's end
@@ -9,6 +9,7 @@
 
 use crate::record::{ContextRecord, WORDS};
 use elunar_core::TileJob;
+use elunar_core::job::LightSurvey;
 use elunar_core::nn::Validation;
 use elunar_core::nn::file::crc32c;
 
@@ -104,6 +105,21 @@ pub(crate) fn read_job(block: &[u8]) -> Option<([u64; TileJob::WORDS], bool)> {
     let mut words = [0; TileJob::WORDS];
     let damaged = read_words(block, JOB, &mut words)?;
     Some((words, damaged))
+}
+
+/// "ELDLIT" and the version of the survey.
+const LIGHT: u64 = u64::from_le_bytes(*b"ELDLIT\x00\x01");
+
+/// Writes both copies of what tiles show of the light.
+pub(crate) fn write_survey(block: &mut [u8], survey: &LightSurvey) {
+    write_words(block, LIGHT, &survey.to_words());
+}
+
+/// Reads what tiles show of the light, as [`read`].
+pub(crate) fn read_survey(block: &[u8]) -> Option<(LightSurvey, bool)> {
+    let mut words = [0; LightSurvey::WORDS];
+    let damaged = read_words(block, LIGHT, &mut words)?;
+    Some((LightSurvey::from_words(words)?, damaged))
 }
 
 /// Words of an initialisation in progress: addresses and lengths of memory and model, the header's checksum, and the validation's words.

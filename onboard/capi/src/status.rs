@@ -121,10 +121,13 @@ statuses! {
     ELD_REFUSED_TILE_PIXEL = REFUSED, TILE, 3, "pixel_m or coarse_px is not finite and above 0";
     ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
     ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "no pixel of the tile is valid in both maps";
+    ELD_REFUSED_TILE_POSTS = REFUSED, TILE, 9, "the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well";
+    ELD_REFUSED_TILE_LIGHT = REFUSED, TILE, 11, "the light of the scene is none that eld_light_decide gives for this model";
     ELD_REFUSED_TILE_FORMAT = REFUSED, TILE, 8, "the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist";
 
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
-    ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";
+    ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the bits of valid or dark pixels have changed in memory; the tile is lost";
+    ELD_FAULT_LIGHT = FAULT, TILE, 2, "what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again";
     ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
     ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
     ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";

@@ -4,7 +4,7 @@
 use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use elunar_capi::status::{FAULT, GOOD, NOTICE, REFUSED, STATUSES, severity};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The text of the header before its definitions.
 const PREAMBLE: &str = "\
@@ -68,8 +68,13 @@ fn statuses() -> String {
     text
 }
 
+/// Returns the sources of the functions, in the order of the header.
+fn functions() -> impl Iterator<Item = PathBuf> {
+    let source = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name);
+    ["ffi.rs", "ffi/light.rs"].map(source).into_iter()
+}
+
 fn generated() -> String {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let config = Config {
         language: Language::C,
         style: Style::Type,
@@ -85,7 +90,9 @@ fn generated() -> String {
         line_length: 120,
         ..Config::default()
     };
-    let builder = Builder::new().with_config(config).with_src(source.join("types.rs")).with_src(source.join("ffi.rs"));
+    let types = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/types.rs");
+    let sources = std::iter::once(types).chain(functions());
+    let builder = sources.fold(Builder::new().with_config(config), |builder, source| builder.with_src(source));
     let mut bytes = Vec::new();
     builder.generate().expect("cbindgen").write(&mut bytes);
     String::from_utf8(bytes).unwrap()
@@ -109,14 +116,13 @@ fn the_header_is_up_to_date() {
 #[test]
 fn the_header_has_every_function_and_status() {
     let header = generated();
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/ffi.rs");
-    let source = std::fs::read_to_string(source).unwrap();
+    let source: String = functions().map(|path| std::fs::read_to_string(path).unwrap()).collect();
     let functions: Vec<&str> = source
         .lines()
         .filter_map(|line| line.split_once("extern \"C\" fn ")?.1.split_once('('))
         .map(|(name, _)| name)
         .collect();
-    assert_eq!(functions.len(), 17, "{functions:?}");
+    assert_eq!(functions.len(), 21, "{functions:?}");
     for name in functions.iter().copied().chain(STATUSES.iter().map(|known| known.name)) {
         assert!(header.contains(name), "{name}");
     }

@@ -8,6 +8,7 @@ use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
 use elunar_core::nn::file::{ENTRY_BYTES, OPERATOR_BYTES, TENSOR_BYTES, crc32c, set_word, word};
+use elunar_core::strip::PostGrid;
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
@@ -45,6 +46,21 @@ fn begin_with(change: impl FnOnce(&mut eld_tile_t)) -> eld_status_t {
     let (tile, context) = (Tile::golden(), Context::new(nano()));
     let mut c = tile.c();
     change(&mut c);
+    // SAFETY: a context and a tile of the test; wrong fields are refused before they are used.
+    unsafe { ffi::eld_begin(context.handle, &c) }
+}
+
+/// Begins the golden tile with posts, with a change of the structures.
+fn begin_posts(change: fn(&mut eld_tile_t, &mut eld_posts_t)) -> eld_status_t {
+    begin_posts_of(-1900.0, change)
+}
+
+fn begin_posts_of(height_m: f32, change: fn(&mut eld_tile_t, &mut eld_posts_t)) -> eld_status_t {
+    let (tile, context, posts_m) = (Tile::golden(), Context::new(nano()), [height_m; 12]);
+    let mut posts = posts(&posts_m, PostGrid::spaced(4, (0.0, 0.0), (100.0, 100.0)));
+    let mut c = eld_tile_t { coarse_m: null(), coarse_len: 0, ..tile.c() };
+    c.posts = &raw const posts;
+    change(&mut c, &mut posts);
     // SAFETY: a context and a tile of the test; wrong fields are refused before they are used.
     unsafe { ffi::eld_begin(context.handle, &c) }
 }
@@ -169,6 +185,9 @@ const CASES: &[Case] = &[
             none.begin(&Tile::golden()),
             none.begin_step(&Tile::golden().c(), 1),
             none.abort(),
+            none.light_add(&Tile::golden().c(), 1),
+            none.light_decide([0.0; 2]).unwrap_err(),
+            none.light_clear(),
             none.step(1),
             none.output().unwrap_err(),
             none.scrub(1),
@@ -261,11 +280,29 @@ const CASES: &[Case] = &[
         unsafe { ffi::eld_errors(finished().handle, &raw mut out) }
     }),
     (ELD_REFUSED_NO_TILE, "errors before begin", || Context::new(nano()).errors().unwrap_err()),
+    (ELD_REFUSED_NO_TILE, "maps of errors before begin", || Context::new(nano()).error_maps().unwrap_err()),
+    (ELD_REFUSED_NOT_DONE, "maps of errors before done", || begun().error_maps().unwrap_err()),
+    (ELD_REFUSED_BUFFER, "maps of errors too short", || {
+        let (context, mut map) = (finished(), vec![0.0; PX]);
+        // SAFETY: a buffer of the test.
+        unsafe { ffi::eld_error_maps(context.handle, map.as_mut_ptr(), null_mut(), null_mut(), PX - 1) }
+    }),
+    (ELD_REFUSED_OVERLAP, "a map of errors over another", || {
+        let (context, mut map) = (finished(), vec![0.0; PX]);
+        let map = map.as_mut_ptr();
+        // SAFETY: as above.
+        unsafe { ffi::eld_error_maps(context.handle, map, null_mut(), map.cast(), PX) }
+    }),
     (ELD_REFUSED_NOT_DONE, "errors before done", || begun().errors().unwrap_err()),
     (ELD_REFUSED_NO_ERRORS, "errors of a model whose maps are not weighed", || {
         let (mut context, begun) = begin_small("guided.eld", |_| {});
         assert!(worked(begun), "{:?}", text(begun));
         context.finish();
+        let mut origin = vec![0; 32 * 64];
+        // SAFETY: a buffer of the test.
+        let maps =
+            unsafe { ffi::eld_error_maps(context.handle, null_mut(), null_mut(), origin.as_mut_ptr(), origin.len()) };
+        assert_eq!(maps, ELD_REFUSED_NO_ERRORS);
         context.errors().unwrap_err()
     }),
     (ELD_REFUSED_OVERLAP, "counters into the lent memory", || {
@@ -378,6 +415,31 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_TILE_FORMAT, "a gain of NaN", || begin_with(|tile| tile.image.gain = f32::NAN)),
     (ELD_REFUSED_TILE_FORMAT, "an infinite offset", || begin_with(|tile| tile.image.offset = f32::INFINITY)),
+    (ELD_REFUSED_TILE_LIGHT, "a light that is none", || {
+        let light = eld_lighting_t { struct_bytes: size_of::<eld_lighting_t>() as u32, ..Default::default() };
+        let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+        context.begin_step(&eld_tile_t { light: &raw const light, ..tile.c() }, 1)
+    }),
+    (ELD_FAULT_LIGHT, "the light of the scene changes twice", || {
+        let mut context = Context::new(nano());
+        assert_eq!(context.light_add(&Tile::golden().c(), u64::MAX), ELD_OK);
+        let survey = context.parts().survey;
+        [8 * survey.start + 77, 8 * survey.end - 77].into_iter().for_each(|bit| context.flip(bit));
+        context.light_decide([f32::NAN; 2]).unwrap_err()
+    }),
+    (ELD_REFUSED_TILE_POSTS, "posts and a map", || begin_posts(|tile, _| tile.coarse_len = 1)),
+    (ELD_REFUSED_TILE_POSTS, "no columns of posts", || begin_posts(|_, posts| posts.cols = 0)),
+    (ELD_REFUSED_TILE_POSTS, "half a row of posts", || begin_posts(|_, posts| posts.posts_len -= 1)),
+    (ELD_REFUSED_TILE_POSTS, "no posts", || begin_posts(|_, posts| posts.posts_len = 0)),
+    (ELD_REFUSED_TILE_POSTS, "posts nowhere", || begin_posts(|_, posts| posts.row0 = f64::NAN)),
+    (ELD_REFUSED_NULL, "posts of NULL", || begin_posts(|_, posts| posts.posts_m = null())),
+    (ELD_REFUSED_ALIGNMENT, "odd posts", || begin_posts(|_, posts| posts.posts_m = posts.posts_m.wrapping_byte_add(1))),
+    (ELD_REFUSED_ALIGNMENT, "an odd structure of posts", || {
+        begin_posts(|tile, _| tile.posts = tile.posts.wrapping_byte_add(4))
+    }),
+    (ELD_REFUSED_LENGTH, "endless posts", || begin_posts(|_, posts| posts.posts_len = usize::MAX)),
+    (ELD_REFUSED_TILE_MASKED, "posts without a height", || begin_posts_of(f32::NAN, |_, _| {})),
+    (ELD_REFUSED_TILE_MASKED, "posts far away", || begin_posts(|_, posts| posts.col0 = 1e9)),
     (ELD_REFUSED_TILE_SIZE, "a coarse DTM too long", || begin_tile(|tile| tile.coarse_m.push(0.0))),
     (ELD_REFUSED_TILE_SIZE, "a mask without length", || begin_with(|tile| tile.valid_len = 0)),
     (ELD_REFUSED_TILE_SIZE, "a network that is neither alone nor not", || begin_with(|tile| tile.network_alone = 2)),

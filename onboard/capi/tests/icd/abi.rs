@@ -113,6 +113,18 @@ fn structures_are_laid_out_as_described() {
     let errors =
         layout!(eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below });
     compare_layout("eld_errors_t", &errors, size_of::<eld_errors_t>(), 1);
+    let lighting = layout!(eld_lighting_t {
+        struct_bytes,
+        source,
+        east,
+        south,
+        trust,
+        related,
+        long_share,
+        log_strength_sd,
+        azimuth_sd_deg,
+    });
+    compare_layout("eld_lighting_t", &lighting, size_of::<eld_lighting_t>(), 1);
     let telemetry = layout!(eld_telemetry_t {
         struct_bytes,
         phase,
@@ -157,7 +169,11 @@ fn the_tile_is_laid_out_as_described_on_32_bits_too() {
         coarse_len,
         valid,
         valid_len,
+        posts,
+        light,
     });
+    let posts = layout!(eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px });
+    compare_layout("eld_posts_t", &posts, size_of::<eld_posts_t>(), 2);
     compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>(), 2);
     // On 32 bits all fields have four bytes, and the image nine of them.
     let narrow = |name: &str| table(section(&page(), name)).iter().map(|row| number(&row[1])).collect::<Vec<u64>>();
@@ -165,6 +181,8 @@ fn the_tile_is_laid_out_as_described_on_32_bits_too() {
     let image = tile.iter().position(|field| field.1 == "image").unwrap();
     let expected = (0..tile.len()).map(|i| 4 * (i + if i > image { pixels.len() - 1 } else { 0 }) as u64);
     assert_eq!(narrow("`eld_tile_t`"), expected.collect::<Vec<_>>());
+    // Three fields of four bytes, then doubles, which are aligned to eight.
+    assert_eq!(narrow("`eld_posts_t`"), [0, 4, 8, 16, 24, 32, 40]);
     assert!(page().contains(&format!(
         "version {}.{}.{} (`ELD_VERSION`",
         ELD_VERSION >> 16,
