@@ -48,6 +48,8 @@
 #define ELD_NOTICE_COARSE                 UINT32_C(0x40040003) /**< begun; the image has no contrast or no light, or the coarse DTM no relief, so the heights will be the coarse DTM's */
 #define ELD_NOTICE_DROPPED_COARSE         UINT32_C(0x40040004) /**< begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's */
 
+#define ELD_NOTICE_NO_LINE                UINT32_C(0x40010001) /**< done; no line of the maps came out: push the next one, or all are out */
+
 #define ELD_NOTICE_REPAIRED               UINT32_C(0x40060001) /**< done; a damaged copy of the context was repaired from the other */
 
 #define ELD_REFUSED_NULL                  UINT32_C(0x80010001) /**< a pointer is NULL */
@@ -61,6 +63,8 @@
 #define ELD_REFUSED_OTHER_TILE            UINT32_C(0x80010009) /**< the tile is the self test's where the caller's is asked for, or the other way round */
 #define ELD_REFUSED_NOT_BEGUN             UINT32_C(0x8001000b) /**< the tile is not begun yet: call eld_begin_step until it is */
 #define ELD_REFUSED_NO_ERRORS             UINT32_C(0x8001000a) /**< the model's maps are not weighed, so it expects no errors */
+#define ELD_REFUSED_OPTIONS               UINT32_C(0x8001000c) /**< an option of the terrain maps is out of range */
+#define ELD_REFUSED_UNFINISHED            UINT32_C(0x8001000d) /**< lines of the grid before are not out yet: call eld_terrain_finish */
 
 #define ELD_REFUSED_MEMORY_SHORT          UINT32_C(0x80020001) /**< the lent memory is shorter than eld_model_check says */
 #define ELD_REFUSED_MEMORY_ALIGNMENT      UINT32_C(0x80020002) /**< the lent memory is not aligned as eld_model_check says */
@@ -91,6 +95,7 @@
 
 #define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the bits of valid or dark pixels have changed in memory; the tile is lost */
 #define ELD_FAULT_LIGHT                   UINT32_C(0xc0040002) /**< what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again */
+#define ELD_FAULT_LINES                   UINT32_C(0xc0040003) /**< a line that is kept for the terrain maps has changed in memory; the grid is lost: begin it again */
 
 #define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
 #define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
@@ -243,6 +248,26 @@
 #define ELD_ORIGIN_VOID 4
 
 /**
+ * Hazard: the plane under the footprint is steeper than the limit.
+ */
+#define ELD_HAZARD_TOO_STEEP 1
+
+/**
+ * Hazard: a pixel is above or below that plane by more than the limit.
+ */
+#define ELD_HAZARD_TOO_ROUGH 2
+
+/**
+ * Hazard: the footprint leaves the grid or has a void.
+ */
+#define ELD_HAZARD_UNKNOWN 4
+
+/**
+ * Hazard: the plane may be steeper than the limit within the stated number of standard deviations.
+ */
+#define ELD_HAZARD_MAYBE_TOO_STEEP 8
+
+/**
  * Source of a light: the network works with any light and takes none.
  */
 #define ELD_SOURCE_NOT_ASKED 0
@@ -267,6 +292,11 @@
  * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
 typedef struct eld_context_t eld_context_t;
+
+/**
+ * Terrain maps of a grid whose lines come one at a time, at the start of the memory lent to `eld_terrain_init`. The rules of `eld_context_t` hold.
+ */
+typedef struct eld_terrain_t eld_terrain_t;
 
 /**
  * Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
@@ -651,6 +681,82 @@ typedef struct {
     uint64_t tile_faults;
 } eld_telemetry_t;
 
+/**
+ * What terrain maps are made of a grid.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_terrain_options_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Samples of a line, at least 1.
+     */
+    uint32_t cols;
+    /**
+     * Radius r of a vehicle's footprint, pixels, 1 to 16: a square of 2r + 1 pixels a side.
+     */
+    uint32_t radius_px;
+    /**
+     * Ground size of a pixel from one line to the next, metres.
+     */
+    float row_m;
+    /**
+     * Ground size of a pixel along a line, metres.
+     */
+    float col_m;
+    /**
+     * Largest safe slope of the footprint's plane, degrees, above 0 and at most 90.
+     */
+    float slope_deg;
+    /**
+     * Largest safe distance of a pixel of the footprint from that plane, metres, above 0.
+     */
+    float roughness_m;
+    /**
+     * Number of standard deviations of the slope's error for `ELD_HAZARD_MAYBE_TOO_STEEP`; 0: errors do not count.
+     */
+    float sigmas;
+    /**
+     * Azimuth of the light of the hillshade, degrees clockwise from the direction of decreasing rows.
+     */
+    float sun_azimuth_deg;
+    /**
+     * Its elevation, degrees.
+     */
+    float sun_elevation_deg;
+} eld_terrain_options_t;
+
+/**
+ * The maps of a line: `cols` samples each, or NULL: not wanted.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_terrain_maps_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Horn's slope of the pixel, degrees; NaN at edges and beside voids.
+     */
+    float *slope_deg;
+    /**
+     * Shaded relief, 1 to 255; 0 at edges and beside voids.
+     */
+    uint8_t *hillshade;
+    /**
+     * Slope of the plane under the footprint, degrees; NaN where the footprint leaves the grid or has a void.
+     */
+    float *footprint_slope_deg;
+    /**
+     * Largest distance of a pixel of the footprint from that plane, metres; NaN as above.
+     */
+    float *roughness_m;
+    /**
+     * Sum of `ELD_HAZARD_*`; 0 is safe.
+     */
+    uint8_t *hazard;
+} eld_terrain_maps_t;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -805,6 +911,39 @@ eld_status_t eld_light_decide(eld_context_t *context,
  * Forgets what was added by `eld_light_add`, before another scene.
  */
 eld_status_t eld_light_clear(eld_context_t *context);
+
+/**
+ * Writes how much memory terrain maps with these options need. `options->struct_bytes` must be set.
+ */
+eld_status_t eld_terrain_plan(const eld_terrain_options_t *options, uint64_t *memory_bytes);
+
+/**
+ * Makes terrain maps at the start of `memory`, which is lent as long as they are used, and zeroes it. Writes them to `*terrain`, NULL if refused.
+ */
+eld_status_t eld_terrain_init(void *memory,
+                              size_t memory_bytes,
+                              const eld_terrain_options_t *options,
+                              eld_terrain_t **terrain);
+
+/**
+ * Takes the next line of the grid: `len` heights, metres, NaN for voids; and, if the options ask for standard deviations, those of the errors of its
+ * slopes (as `eld_error_maps` writes them), or NULL if unknown. If the maps of a line are complete, they are written, and its number, counted from 0,
+ * to `*row`; otherwise `ELD_NOTICE_NO_LINE`. A line comes out `radius_px` lines after it was pushed.
+ */
+eld_status_t eld_terrain_push(eld_terrain_t *terrain,
+                              const float *line_m,
+                              const float *slope_sd,
+                              size_t len,
+                              const eld_terrain_maps_t *maps,
+                              uint64_t *row);
+
+/**
+ * Writes the maps of the next line after the last push, and its number to `*row`; `ELD_NOTICE_NO_LINE` when all are out. Then the next grid may
+ * begin.
+ */
+eld_status_t eld_terrain_finish(eld_terrain_t *terrain,
+                                const eld_terrain_maps_t *maps,
+                                uint64_t *row);
 
 #ifdef __cplusplus
 }  // extern "C"

@@ -14,9 +14,11 @@
 
 mod light;
 mod pointers;
+mod terrain;
 mod tile;
 
 pub use light::{eld_light_add, eld_light_clear, eld_light_decide};
+pub use terrain::{eld_terrain_finish, eld_terrain_init, eld_terrain_plan, eld_terrain_push};
 
 use crate::begin;
 use crate::context::{Context, Lent, Outcome};

@@ -14,7 +14,8 @@
 //! 2. `sealed` reads the context: plain numbers (`record`), kept twice, each copy under a checksum.
 //! 3. `layout` gives the places of the parts in the lent memory.
 //! 4. `begin` and `run` rebuild a runner for the duration of the call and suspend it again; `light` adds up what tiles show of their light.
-//! 5. [`status`] defines the status word of the call.
+//! 5. `terrain` keeps the lines of a grid for its terrain maps, without a model.
+//! 6. [`status`] defines the status word of the call.
 #![no_std]
 
 mod begin;
@@ -27,6 +28,7 @@ mod record;
 mod run;
 mod sealed;
 pub mod status;
+mod terrain;
 mod tile;
 pub mod types;
 

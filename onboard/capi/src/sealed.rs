@@ -28,6 +28,25 @@ pub(crate) const fn block_bytes(words: usize) -> usize {
     2 * copy_bytes(words)
 }
 
+/// Words that are kept twice under a magic.
+pub(crate) struct Sealed<const WORDS: usize> {
+    pub(crate) magic: u64,
+}
+
+impl<const WORDS: usize> Sealed<WORDS> {
+    /// Writes both copies.
+    pub(crate) fn write(&self, block: &mut [u8], words: &[u64; WORDS]) {
+        write_words(block, self.magic, words);
+    }
+
+    /// Reads the words; `true` if a copy was damaged. `None` if both are.
+    pub(crate) fn read(&self, block: &[u8]) -> Option<([u64; WORDS], bool)> {
+        let mut words = [0; WORDS];
+        let damaged = read_words(block, self.magic, &mut words)?;
+        Some((words, damaged))
+    }
+}
+
 /// Number of bytes of both copies of a context.
 pub(crate) const HEAD_BYTES: usize = block_bytes(WORDS);
 

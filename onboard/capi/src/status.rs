@@ -86,6 +86,7 @@ statuses! {
     ELD_NOTICE_DROPPED_LIGHT_ASSUMED = NOTICE, TILE, 2, "begun; the tile before was dropped unfinished, and the light is assumed";
     ELD_NOTICE_COARSE = NOTICE, TILE, 3, "begun; the image has no contrast or no light, or the coarse DTM no relief, so the heights will be the coarse DTM's";
     ELD_NOTICE_DROPPED_COARSE = NOTICE, TILE, 4, "begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's";
+    ELD_NOTICE_NO_LINE = NOTICE, CALL, 1, "done; no line of the maps came out: push the next one, or all are out";
     ELD_NOTICE_REPAIRED = NOTICE, CONTEXT, 1, "done; a damaged copy of the context was repaired from the other";
 
     ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
@@ -99,6 +100,9 @@ statuses! {
     ELD_REFUSED_OTHER_TILE = REFUSED, CALL, 9, "the tile is the self test's where the caller's is asked for, or the other way round";
     ELD_REFUSED_NOT_BEGUN = REFUSED, CALL, 11, "the tile is not begun yet: call eld_begin_step until it is";
     ELD_REFUSED_NO_ERRORS = REFUSED, CALL, 10, "the model's maps are not weighed, so it expects no errors";
+
+    ELD_REFUSED_OPTIONS = REFUSED, CALL, 12, "an option of the terrain maps is out of range";
+    ELD_REFUSED_UNFINISHED = REFUSED, CALL, 13, "lines of the grid before are not out yet: call eld_terrain_finish";
 
     ELD_REFUSED_MEMORY_SHORT = REFUSED, MEMORY, 1, "the lent memory is shorter than eld_model_check says";
     ELD_REFUSED_MEMORY_ALIGNMENT = REFUSED, MEMORY, 2, "the lent memory is not aligned as eld_model_check says";
@@ -128,6 +132,7 @@ statuses! {
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
     ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the bits of valid or dark pixels have changed in memory; the tile is lost";
     ELD_FAULT_LIGHT = FAULT, TILE, 2, "what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again";
+    ELD_FAULT_LINES = FAULT, TILE, 3, "a line that is kept for the terrain maps has changed in memory; the grid is lost: begin it again";
     ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
     ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
     ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";

@@ -76,6 +76,64 @@ pub const ELD_ORIGIN_SHADOW: u8 = 3;
 /// Origin of a height: image or coarse DTM is void; the height is filled.
 pub const ELD_ORIGIN_VOID: u8 = 4;
 
+/// Hazard: the plane under the footprint is steeper than the limit.
+pub const ELD_HAZARD_TOO_STEEP: u8 = 1;
+/// Hazard: a pixel is above or below that plane by more than the limit.
+pub const ELD_HAZARD_TOO_ROUGH: u8 = 2;
+/// Hazard: the footprint leaves the grid or has a void.
+pub const ELD_HAZARD_UNKNOWN: u8 = 4;
+/// Hazard: the plane may be steeper than the limit within the stated number of standard deviations.
+pub const ELD_HAZARD_MAYBE_TOO_STEEP: u8 = 8;
+
+/// Terrain maps of a grid whose lines come one at a time, at the start of the memory lent to `eld_terrain_init`. The rules of `eld_context_t` hold.
+pub struct eld_terrain_t {
+    _opaque: [u8; 0],
+}
+
+/// What terrain maps are made of a grid.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct eld_terrain_options_t {
+    /// sizeof(eld_terrain_options_t), set by the caller.
+    pub struct_bytes: u32,
+    /// Samples of a line, at least 1.
+    pub cols: u32,
+    /// Radius r of a vehicle's footprint, pixels, 1 to 16: a square of 2r + 1 pixels a side.
+    pub radius_px: u32,
+    /// Ground size of a pixel from one line to the next, metres.
+    pub row_m: f32,
+    /// Ground size of a pixel along a line, metres.
+    pub col_m: f32,
+    /// Largest safe slope of the footprint's plane, degrees, above 0 and at most 90.
+    pub slope_deg: f32,
+    /// Largest safe distance of a pixel of the footprint from that plane, metres, above 0.
+    pub roughness_m: f32,
+    /// Number of standard deviations of the slope's error for `ELD_HAZARD_MAYBE_TOO_STEEP`; 0: errors do not count.
+    pub sigmas: f32,
+    /// Azimuth of the light of the hillshade, degrees clockwise from the direction of decreasing rows.
+    pub sun_azimuth_deg: f32,
+    /// Its elevation, degrees.
+    pub sun_elevation_deg: f32,
+}
+
+/// The maps of a line: `cols` samples each, or NULL: not wanted.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct eld_terrain_maps_t {
+    /// sizeof(eld_terrain_maps_t), set by the caller.
+    pub struct_bytes: u32,
+    /// Horn's slope of the pixel, degrees; NaN at edges and beside voids.
+    pub slope_deg: *mut f32,
+    /// Shaded relief, 1 to 255; 0 at edges and beside voids.
+    pub hillshade: *mut u8,
+    /// Slope of the plane under the footprint, degrees; NaN where the footprint leaves the grid or has a void.
+    pub footprint_slope_deg: *mut f32,
+    /// Largest distance of a pixel of the footprint from that plane, metres; NaN as above.
+    pub roughness_m: *mut f32,
+    /// Sum of `ELD_HAZARD_*`; 0 is safe.
+    pub hazard: *mut u8,
+}
+
 /// Properties and requirements of a model. All sizes are exact.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

@@ -81,6 +81,35 @@ fn a_c_program_makes_two_tiles_under_one_light() {
 }
 
 #[test]
+fn a_c_program_finds_hazards() {
+    use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines};
+    let (folder, tile) = (folder("terrain"), Tile::golden());
+    let mut heights_m = tile.coarse_m.clone();
+    let valid = tile.valid.unwrap();
+    heights_m.iter_mut().zip(&valid).filter(|(_, valid)| **valid == 0).for_each(|(z, _)| *z = f32::NAN);
+    let limits = HazardLimits::new(4.0, 0.25).unwrap();
+    let options = LineOptions { cols: COLS, pixel: PixelSize::square(2.0), radius_px: 3, sun: Sun::default(), limits };
+    let mut memory = vec![0.0; options.memory_len()];
+    let mut lines = TerrainLines::new(options, &mut memory).unwrap();
+    let (mut expected, mut hazard) = (Vec::new(), vec![0; COLS]);
+    for line in heights_m.chunks(COLS) {
+        if lines.push(line, &mut LineMaps { hazard: &mut hazard, ..LineMaps::default() }).unwrap().is_some() {
+            expected.extend(&hazard);
+        }
+    }
+    while lines.finish(&mut LineMaps { hazard: &mut hazard, ..LineMaps::default() }).unwrap().is_some() {
+        expected.extend(&hazard);
+    }
+    assert!(expected.contains(&0) && expected.iter().any(|hazard| hazard & 3 != 0));
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let (program, out) = (build(&[source("terrain.c")], language, &folder), folder.join("hazards"));
+        run(Command::new(&program).arg(repository().join("tests/golden/flight_tile")).arg(&out));
+        assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
 fn what_c_gets_wrong_has_a_status() {
     let folder = folder("misuse");
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
@@ -118,7 +147,8 @@ fn the_readme_links() {
 #[test]
 fn structures_are_laid_out_alike() {
     use elunar_capi::types::{
-        eld_errors_t, eld_lighting_t, eld_model_info_t, eld_pixels_t, eld_posts_t, eld_telemetry_t,
+        eld_errors_t, eld_lighting_t, eld_model_info_t, eld_pixels_t, eld_posts_t, eld_telemetry_t, eld_terrain_maps_t,
+        eld_terrain_options_t,
     };
     use std::mem::{offset_of, size_of};
     let mut text = String::from("#include \"elunar.h\"\n#include <stddef.h>\n");
@@ -133,6 +163,8 @@ fn structures_are_laid_out_alike() {
         eld_model_info_t { struct_bytes, memory_bytes, largest_unit_macs, header_crc, range_margin }
         eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from }
         eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, image, coarse_m, coarse_len, valid, valid_len, posts, light }
+        eld_terrain_options_t { struct_bytes, cols, radius_px, sigmas, sun_elevation_deg }
+        eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard }
         eld_lighting_t { struct_bytes, source, east, long_share, azimuth_sd_deg }
         eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }

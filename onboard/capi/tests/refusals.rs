@@ -65,6 +65,52 @@ fn begin_posts_of(height_m: f32, change: fn(&mut eld_tile_t, &mut eld_posts_t)) 
     unsafe { ffi::eld_begin(context.handle, &c) }
 }
 
+/// Pushes so many lines of three pixels, the last after a change of the memory; or two, finishes one, and pushes another.
+fn terrain_calls(lines: Option<usize>, change: fn(&mut [u64])) -> eld_status_t {
+    let options = eld_terrain_options_t {
+        struct_bytes: size_of::<eld_terrain_options_t>() as u32,
+        cols: 3,
+        radius_px: 2,
+        row_m: 2.0,
+        col_m: 2.0,
+        slope_deg: 10.0,
+        roughness_m: 0.5,
+        ..Default::default()
+    };
+    let (mut memory, mut handle, mut row, line) = (vec![7u64; 200], null_mut(), 0, [1.0f32; 3]);
+    let mut hazard = [0u8; 3];
+    let maps = eld_terrain_maps_t {
+        struct_bytes: size_of::<eld_terrain_maps_t>() as u32,
+        slope_deg: null_mut(),
+        hillshade: null_mut(),
+        footprint_slope_deg: null_mut(),
+        roughness_m: null_mut(),
+        hazard: hazard.as_mut_ptr(),
+    };
+    // SAFETY: memory and structures of the test.
+    unsafe {
+        let mut bytes = 0;
+        assert_eq!(ffi::eld_terrain_plan(&raw const options, &raw mut bytes), ELD_OK);
+        let needed = (bytes as usize).div_ceil(8);
+        memory.truncate(needed);
+        let status =
+            ffi::eld_terrain_init(memory.as_mut_ptr().cast(), bytes as usize, &raw const options, &raw mut handle);
+        assert_eq!(status, ELD_OK);
+        let mut push = || ffi::eld_terrain_push(handle, line.as_ptr(), null(), 3, &raw const maps, &raw mut row);
+        for _ in 1..lines.unwrap_or(3) {
+            push();
+        }
+        if lines.is_none() {
+            let mut row = 0;
+            assert_eq!(ffi::eld_terrain_finish(handle, &raw const maps, &raw mut row), ELD_OK);
+            return ffi::eld_terrain_push(handle, line.as_ptr(), null(), 3, &raw const maps, &raw mut row);
+        }
+        // The memory is lent between calls only.
+        change(std::slice::from_raw_parts_mut(handle.cast(), needed));
+        ffi::eld_terrain_push(handle, line.as_ptr(), null(), 3, &raw const maps, &raw mut row)
+    }
+}
+
 fn begin_tile(change: impl FnOnce(&mut Tile)) -> eld_status_t {
     let mut tile = Tile::golden();
     change(&mut tile);
@@ -415,6 +461,16 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_TILE_FORMAT, "a gain of NaN", || begin_with(|tile| tile.image.gain = f32::NAN)),
     (ELD_REFUSED_TILE_FORMAT, "an infinite offset", || begin_with(|tile| tile.image.offset = f32::INFINITY)),
+    (ELD_REFUSED_OPTIONS, "terrain maps of nothing", || {
+        let struct_bytes = size_of::<eld_terrain_options_t>() as u32;
+        let options = eld_terrain_options_t { struct_bytes, ..Default::default() };
+        let mut bytes = 0;
+        // SAFETY: structures of the test.
+        unsafe { ffi::eld_terrain_plan(&raw const options, &raw mut bytes) }
+    }),
+    (ELD_NOTICE_NO_LINE, "the first line of a grid", || terrain_calls(Some(1), |_| {})),
+    (ELD_REFUSED_UNFINISHED, "a grid into another", || terrain_calls(None, |_| {})),
+    (ELD_FAULT_LINES, "a line changes", || terrain_calls(Some(2), |memory| *memory.last_mut().unwrap() ^= 4)),
     (ELD_REFUSED_TILE_LIGHT, "a light that is none", || {
         let light = eld_lighting_t { struct_bytes: size_of::<eld_lighting_t>() as u32, ..Default::default() };
         let (tile, mut context) = (Tile::golden(), Context::new(nano()));

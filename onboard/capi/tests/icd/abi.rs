@@ -30,7 +30,7 @@ fn every_function_of_the_header_has_its_section_and_every_section_its_function()
         let heading = if *name == "eld_format_version" { "`eld_version`" } else { &format!("`{name}`") };
         let text = section(&page, heading);
         assert!(
-            ["Constant", "Budget", "Tile", "File"].iter().any(|class| text.contains(class)),
+            ["Constant", "Budget", "Line", "Tile", "File"].iter().any(|class| text.contains(class)),
             "{name}: no timing class"
         );
         let silent = ["eld_version", "eld_format_version", "eld_status_text"].contains(name);
@@ -125,6 +125,23 @@ fn structures_are_laid_out_as_described() {
         azimuth_sd_deg,
     });
     compare_layout("eld_lighting_t", &lighting, size_of::<eld_lighting_t>(), 1);
+    let options = layout!(eld_terrain_options_t {
+        struct_bytes,
+        cols,
+        radius_px,
+        row_m,
+        col_m,
+        slope_deg,
+        roughness_m,
+        sigmas,
+        sun_azimuth_deg,
+        sun_elevation_deg,
+    });
+    compare_layout("eld_terrain_options_t", &options, size_of::<eld_terrain_options_t>(), 1);
+}
+
+#[test]
+fn counters_are_laid_out_as_described() {
     let telemetry = layout!(eld_telemetry_t {
         struct_bytes,
         phase,
@@ -181,6 +198,10 @@ fn the_tile_is_laid_out_as_described_on_32_bits_too() {
     let image = tile.iter().position(|field| field.1 == "image").unwrap();
     let expected = (0..tile.len()).map(|i| 4 * (i + if i > image { pixels.len() - 1 } else { 0 }) as u64);
     assert_eq!(narrow("`eld_tile_t`"), expected.collect::<Vec<_>>());
+    let maps =
+        layout!(eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard });
+    compare_layout("eld_terrain_maps_t", &maps, size_of::<eld_terrain_maps_t>(), 2);
+    assert_eq!(narrow("`eld_terrain_maps_t`"), [0, 4, 8, 12, 16, 20]);
     // Three fields of four bytes, then doubles, which are aligned to eight.
     assert_eq!(narrow("`eld_posts_t`"), [0, 4, 8, 16, 24, 32, 40]);
     assert!(page().contains(&format!(
