@@ -85,10 +85,11 @@
 #define ELD_REFUSED_TILE_SIZE             UINT32_C(0x80040001) /**< a map of the tile does not have rows * cols samples */
 #define ELD_REFUSED_TILE_MASK             UINT32_C(0x80040002) /**< a byte of the mask is neither 0 nor 1 */
 #define ELD_REFUSED_TILE_PIXEL            UINT32_C(0x80040003) /**< pixel_m or coarse_px is not finite and above 0 */
-#define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
+#define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not above 0 and below 90; NaN stands for unknown */
 #define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< no pixel of the tile is valid in both maps */
 #define ELD_REFUSED_TILE_POSTS            UINT32_C(0x80040009) /**< the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well */
 #define ELD_REFUSED_TILE_LIGHT            UINT32_C(0x8004000b) /**< the light of the scene is none that eld_light_decide gives for this model */
+#define ELD_REFUSED_TILE_OPTION           UINT32_C(0x8004000a) /**< network_alone is neither 0 nor 1 */
 #define ELD_REFUSED_TILE_FORMAT           UINT32_C(0x80040008) /**< the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist */
 
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
@@ -288,7 +289,8 @@
 #define ELD_SOURCE_ASSUMED 3
 
 /**
- * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
+ * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved or read.
+ * A copy of all lent memory that was made between two calls may be written back to the same place, for the same model.
  * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
 typedef struct eld_context_t eld_context_t;
@@ -520,7 +522,7 @@ typedef struct {
      */
     float sun_azimuth_deg;
     /**
-     * Elevation of the Sun above the horizon, degrees; NaN if unknown.
+     * Elevation of the Sun above the horizon, degrees, above 0 and below 90; NaN if unknown.
      */
     float sun_elevation_deg;
     /**

@@ -123,10 +123,11 @@ statuses! {
     ELD_REFUSED_TILE_SIZE = REFUSED, TILE, 1, "a map of the tile does not have rows * cols samples";
     ELD_REFUSED_TILE_MASK = REFUSED, TILE, 2, "a byte of the mask is neither 0 nor 1";
     ELD_REFUSED_TILE_PIXEL = REFUSED, TILE, 3, "pixel_m or coarse_px is not finite and above 0";
-    ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
+    ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not above 0 and below 90; NaN stands for unknown";
     ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "no pixel of the tile is valid in both maps";
     ELD_REFUSED_TILE_POSTS = REFUSED, TILE, 9, "the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well";
     ELD_REFUSED_TILE_LIGHT = REFUSED, TILE, 11, "the light of the scene is none that eld_light_decide gives for this model";
+    ELD_REFUSED_TILE_OPTION = REFUSED, TILE, 10, "network_alone is neither 0 nor 1";
     ELD_REFUSED_TILE_FORMAT = REFUSED, TILE, 8, "the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist";
 
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";

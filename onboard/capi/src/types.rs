@@ -6,7 +6,8 @@ use core::ffi::c_void;
 /// Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
 pub type eld_status_t = u32;
 
-/// A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
+/// A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved or read.
+/// A copy of all lent memory that was made between two calls may be written back to the same place, for the same model.
 /// It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
 pub struct eld_context_t {
     _opaque: [u8; 0],
@@ -267,7 +268,7 @@ pub struct eld_tile_t {
     pub coarse_px: f32,
     /// Azimuth of the Sun, degrees clockwise from the direction of decreasing rows; NaN if unknown.
     pub sun_azimuth_deg: f32,
-    /// Elevation of the Sun above the horizon, degrees; NaN if unknown.
+    /// Elevation of the Sun above the horizon, degrees, above 0 and below 90; NaN if unknown.
     pub sun_elevation_deg: f32,
     /// 0: heights as the ground's `elunar predict` writes them. 1: the network decides about long and short waves, too (the paper).
     pub network_alone: u32,

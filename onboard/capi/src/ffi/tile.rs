@@ -39,11 +39,10 @@ pub(super) unsafe fn caller_tile<'t>(
     }
     // SAFETY: the caller's promise.
     let image = pixels_of(&tile.image, shape, unsafe { slice(tile.image.data.cast(), tile.image.data_bytes) }?)?;
-    if tile.network_alone > 1
-        || posts.is_none() && tile.coarse_len != pixels
-        || masked && tile.valid_len != pixels
-        || !image.is_whole()
-    {
+    if tile.network_alone > 1 {
+        return Err(ELD_REFUSED_TILE_OPTION);
+    }
+    if posts.is_none() && tile.coarse_len != pixels || masked && tile.valid_len != pixels || !image.is_whole() {
         return Err(ELD_REFUSED_TILE_SIZE);
     }
     for map in &maps {
