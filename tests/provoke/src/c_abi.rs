@@ -4,6 +4,9 @@
 //! the header's rules says which statuses are possible.
 #![allow(unsafe_code)] // C functions
 
+mod errors;
+mod light;
+
 use crate::model::{Reader, mutated, sound_models};
 use elunar_capi::ffi;
 use elunar_capi::status::*;
@@ -401,46 +404,6 @@ impl Play<'_> {
         status
     }
 
-    /// Adds a tile to the light of the scene, decides it, or forgets it.
-    fn light(&mut self, slot: &mut Slot) -> eld_status_t {
-        let (how, good) = (self.reader.byte(), self.reader.byte() as usize % TILES);
-        if how >= 224 {
-            // SAFETY: a context of the test, here and below.
-            return unsafe { ffi::eld_light_clear(slot.handle) };
-        }
-        if how >= 160 {
-            let struct_bytes = size_of::<eld_lighting_t>() as u32;
-            let mut light = eld_lighting_t { struct_bytes, ..Default::default() };
-            let known = |known: bool, deg: f32| if known { deg } else { f32::NAN };
-            let sun = (known(how & 1 == 0, 70.0), known(how & 2 == 0, 30.0));
-            // SAFETY: as above, and a structure of the test.
-            let status = unsafe { ffi::eld_light_decide(slot.handle, sun.0, sun.1, &raw mut light) };
-            assert!(!worked(status) || light.source <= ELD_SOURCE_ASSUMED && light.east.is_finite());
-            if worked(status) {
-                let mut tile = Tile::good(good, slot.shape());
-                tile.c.light = &raw const light;
-                self.count(status);
-                return Self::begin_step(slot, &tile.c, u64::MAX, None);
-            }
-            return status;
-        }
-        let tile = Tile::good(good, slot.shape());
-        let budget = if how % 2 == 0 { u64::MAX } else { 1 << 14 };
-        loop {
-            // SAFETY: as above, and a tile of the test.
-            let status = unsafe { ffi::eld_light_add(slot.handle, &tile.c, budget) };
-            let is_running = status == ELD_RUNNING;
-            slot.phase = match (is_running, worked(status)) {
-                (true, _) => Phase::Light,
-                (_, true) => Phase::Empty,
-                _ => slot.phase,
-            };
-            if !is_running || how % 8 == 7 {
-                return status;
-            }
-        }
-    }
-
     fn begin_step(slot: &mut Slot, tile: &eld_tile_t, budget: u64, good: Option<usize>) -> eld_status_t {
         // SAFETY: a context of the test; wrong fields of the tile are refused before they are used.
         let status = unsafe { ffi::eld_begin_step(slot.handle, tile, budget) };
@@ -554,26 +517,6 @@ impl Play<'_> {
         }
         self.errors(slot);
         status
-    }
-
-    fn errors(&mut self, slot: &mut Slot) {
-        let mut out = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
-        // SAFETY: a context and a structure of the test.
-        let status = unsafe { ffi::eld_errors(slot.handle, &raw mut out) };
-        self.count(status);
-        if slot.whole && worked(status) {
-            assert!(matches!(slot.phase, Phase::Tile { done: true, .. }) && !out.explained.is_nan(), "{out:?}");
-        }
-        let px = slot.shape().0 * slot.shape().1;
-        let (mut slope, mut origin) = (vec![-1f32; px], vec![9u8; px]);
-        let maps = (slope.as_mut_ptr(), origin.as_mut_ptr());
-        // SAFETY: a context and buffers of the test.
-        let found = unsafe { ffi::eld_error_maps(slot.handle, null_mut(), maps.0, maps.1, px) };
-        self.count(found);
-        assert!(!slot.whole || found == status || status == ELD_NOTICE_REPAIRED, "{:?}", text(found));
-        let written = slope.iter().zip(&origin).all(|(s, o)| *o < 5 && s.is_nan() == (*o == ELD_ORIGIN_VOID));
-        let kept = slope.iter().all(|s| *s == -1.0) && origin.iter().all(|o| *o == 9);
-        assert!(!slot.whole || if worked(found) { written } else { kept });
     }
 
     /// Calls with invalid pointers.
