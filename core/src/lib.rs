@@ -13,7 +13,7 @@
 //!    [`quant`]).
 //! 6. [`norm::ElevationScale::recover`] returns metres above the 1737.4 km sphere (Eq. 8).
 //!
-//! [`job`] does all of this in order, a bounded piece at a time, from [`samples`] in any form ([`pixels`]): it is what every caller drives.
+//! [`job`] does all of this in order, a bounded piece at a time, from [`samples`] in any form ([`pixels`], [`posts`]): it is what every caller drives.
 //!
 //! For a camera that delivers lines, [`strip`] does all of this line by line: [`resample`] brings the coarse DTM onto the image's grid,
 //! [`fill`] fills voids, [`overlap`] gives the weights for blending tiles.
@@ -35,6 +35,7 @@ pub mod overlap;
 mod part;
 pub mod photoclinometry;
 pub mod pixels;
+pub mod posts;
 pub mod quant;
 pub mod resample;
 pub mod samples;

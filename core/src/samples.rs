@@ -3,7 +3,7 @@
 //! A camera has bytes, 12 or 16 bits, in its own memory. [`Samples`] lets the path of a tile read them there, without a copy in floating point.
 
 use crate::norm::Mirror;
-use crate::part::{copy, part};
+use crate::part::{copy, item, part, put};
 use crate::tile::Shape;
 
 /// Samples of a row-major map. One that is not real ([`crate::mask`]) is a void.
@@ -18,6 +18,12 @@ pub trait Samples: Copy {
 
     /// Returns a sample; NaN beyond the end.
     fn at(&self, index: usize) -> f32;
+
+    /// Cost of reading a sample beyond that of a float in memory, about that of so many multiply-accumulates.
+    #[inline]
+    fn work(&self) -> u64 {
+        0
+    }
 
     /// Writes the samples from `first` on, all of one row.
     #[inline]
@@ -104,6 +110,12 @@ pub(crate) fn read_mirrored(samples: &impl Samples, mirror: Mirror, first: usize
 #[inline]
 pub fn is_set(bits: &[u8], index: usize) -> bool {
     bits.get(index / 8).is_some_and(|byte| byte >> (index % 8) & 1 == 1)
+}
+
+/// Sets the bit of a sample to 1.
+#[inline]
+pub(crate) fn set(bits: &mut [u8], index: usize) {
+    put(bits, index / 8, item(bits, index / 8) | 1 << (index % 8));
 }
 
 #[cfg(test)]

@@ -1,4 +1,4 @@
-//! A tile has the same heights, validity and expected errors, byte for byte, by the C functions, as a strip of one tile, and as a scene of
+//! A tile has the same heights, validity and expected errors with their origins, byte for byte, by the C functions, as a strip of one tile, and as a scene of
 //! that size. The survey of the scene finds the light that the tile finds by itself; the strip is given it.
 #![allow(unsafe_code)] // C functions
 
@@ -11,6 +11,7 @@ use elunar_core::pixels::PixelForm;
 use elunar_core::strip::{LineErrors, Next, Strip, StripMemory, StripPlan, StripSettings};
 use elunar_core::tile::Shape;
 use elunar_core::{TileInput, TileJob, TileMemory, TileRules};
+use elunar_raster::resample::PixelMap;
 use elunar_raster::{Crs, GeoRef, Raster};
 use elunar_scene::predict::{NamedRaster, PredictOptions, Scene, int8, predict_rows};
 use elunar_tests::repository;
@@ -93,9 +94,13 @@ fn known(deg: Option<f64>) -> f32 {
     deg.map_or(f32::NAN, |deg| deg as f32)
 }
 
-/// Makes a tile by the C functions.
-fn through_c(model: &[u8], tile: &Tile) -> Made {
-    let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
+/// Makes a tile by the C functions; returns it with the origins of its heights.
+fn through_c(model: &[u8], tile: &Tile) -> (Made, Vec<u8>) {
+    through_c_with(model, tile, |_| {})
+}
+
+/// Returns a tile's structure.
+fn c_tile(tile: &Tile) -> eld_tile_t {
     let image = eld_pixels_t {
         data: tile.image.as_ptr().cast(),
         data_bytes: 4 * PX,
@@ -107,7 +112,7 @@ fn through_c(model: &[u8], tile: &Tile) -> Made {
         null_code: 0,
         saturated_from: 0,
     };
-    let c = eld_tile_t {
+    eld_tile_t {
         struct_bytes: size_of::<eld_tile_t>() as u32,
         pixel_m: RULES.pixel_m,
         coarse_px: RULES.coarse_px,
@@ -119,8 +124,18 @@ fn through_c(model: &[u8], tile: &Tile) -> Made {
         coarse_len: PX,
         valid: std::ptr::null(),
         valid_len: 0,
-    };
+        posts: std::ptr::null(),
+        light: std::ptr::null(),
+    }
+}
+
+/// As [`through_c`], with a change of the structure.
+fn through_c_with(model: &[u8], tile: &Tile, change: impl FnOnce(&mut eld_tile_t)) -> (Made, Vec<u8>) {
+    let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
+    let mut c = c_tile(tile);
+    change(&mut c);
     let (mut heights_m, mut valid) = (vec![0.0; PX], vec![7; PX]);
+    let (mut height_m, mut slope, mut origin) = (vec![0.0; PX], vec![0.0; PX], vec![7; PX]);
     let mut errors = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
     let mut context = std::ptr::null_mut();
     // SAFETY: buffers of the test, as long as it says.
@@ -141,11 +156,18 @@ fn through_c(model: &[u8], tile: &Tile) -> Made {
         finish(&mut || ffi::eld_step(context, 50_000_000));
         assert_eq!(ffi::eld_output(context, heights_m.as_mut_ptr(), PX, valid.as_mut_ptr(), PX), ELD_OK);
         assert_eq!(ffi::eld_errors(context, &raw mut errors), ELD_OK);
+        let maps = (height_m.as_mut_ptr(), slope.as_mut_ptr(), origin.as_mut_ptr());
+        assert_eq!(ffi::eld_error_maps(context, maps.0, maps.1, maps.2, PX), ELD_OK);
         drop(memory);
     }
+    let found = (height_m, slope);
     let eld_errors_t { height_m, slope, explained, dark_height_m, dark_slope, dark_below, .. } = errors;
     let expected = ExpectedErrors::from_values([height_m, slope, explained, dark_height_m, dark_slope, dark_below]);
-    Made::of_tile(tile, heights_m, valid.iter().map(|v| *v == 1).collect(), expected)
+    let mut made = Made::of_tile(tile, heights_m, valid.iter().map(|v| *v == 1).collect(), expected);
+    for (errors, (height_m, slope)) in made.errors.iter_mut().zip(found.0.into_iter().zip(found.1)) {
+        (errors[0], errors[1]) = (height_m, slope);
+    }
+    (made, origin)
 }
 
 /// Returns the light that a tile finds itself.
@@ -161,6 +183,20 @@ fn own_light(model: Model<'_>, tile: &Tile) -> Lighting {
     let mut job = TileJob::new(RULES, rules, SHAPE);
     assert_eq!(job.prepare(&mut runner, &input, &mut memory, u64::MAX).unwrap(), Progress::Done);
     job.lighting()
+}
+
+/// Returns the light of a scene of which only this tile was surveyed.
+fn surveyed(model: Model<'_>, tile: &Tile) -> Lighting {
+    let rules = model.input_rules();
+    let (mut coarse, mut valid) = (vec![0.0; PX], vec![0; TileMemory::valid_len(SHAPE)]);
+    let mut scratch = vec![0.0; TileMemory::scratch_len(&rules, SHAPE)];
+    let mut lines = vec![0.0; TileMemory::lines_len(SHAPE)];
+    let mut memory = TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
+    let (image, coarse_m, light) = (&tile.image[..], &tile.coarse_m[..], TileLight::default());
+    let mut job = TileJob::new(RULES, rules, SHAPE);
+    let input = TileInput { image, coarse_m, inside: SHAPE, light };
+    assert_eq!(job.survey(&input, &mut memory, u64::MAX).unwrap(), Progress::Done);
+    job.shown().decide(model.illumination(), tile.sun)
 }
 
 /// Makes a tile as a strip of one tile.
@@ -206,16 +242,27 @@ fn as_strip(model: Model<'_>, tile: &Tile, light: Lighting) -> (Made, Vec<u8>) {
     (made, origins)
 }
 
+/// Returns a raster whose first pixel begins at (x, y), of square pixels.
+fn raster(shape: Shape, samples: &[f32], (x, y): (f64, f64), side_m: f64) -> Raster {
+    let georef = GeoRef { transform: [x, side_m, 0.0, y, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
+    Raster { rows: shape.rows, cols: shape.cols, samples: samples.to_vec(), georef: Some(georef) }
+}
+
+fn image_raster(tile: &Tile) -> Raster {
+    raster(SHAPE, &tile.image, (0.0, 0.0), RULES.pixel_m.into())
+}
+
 /// Makes a tile as a scene of its size; returns it with the light that the scene was made with.
 fn as_scene(path: &std::path::Path, tile: &Tile) -> (Made, Lighting) {
-    let side_m = f64::from(RULES.pixel_m);
-    let georef = GeoRef { transform: [0.0, side_m, 0.0, 0.0, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
-    let input = |name: &str, samples: &[f32]| {
-        let Shape { rows, cols } = SHAPE;
-        NamedRaster::in_memory(name, Raster { rows, cols, samples: samples.to_vec(), georef: Some(georef.clone()) })
-    };
-    let mut scene = Scene::new(input("image", &tile.image), input("coarse DTM", &tile.coarse_m)).unwrap();
+    let coarse = raster(SHAPE, &tile.coarse_m, (0.0, 0.0), RULES.pixel_m.into());
+    let mut scene =
+        Scene::new(NamedRaster::in_memory("image", image_raster(tile)), NamedRaster::in_memory("coarse DTM", coarse))
+            .unwrap();
     scene.coarse_px = RULES.coarse_px;
+    predicted(path, &scene, tile)
+}
+
+fn predicted(path: &std::path::Path, scene: &Scene, tile: &Tile) -> (Made, Lighting) {
     let model = int8::open(path).unwrap();
     let overlap_px = PredictOptions::overlap_for(SHAPE);
     let options = PredictOptions {
@@ -231,7 +278,7 @@ fn as_scene(path: &std::path::Path, tile: &Tile) -> (Made, Lighting) {
         rows.push(row.to_vec());
         Ok(())
     };
-    predict_rows(&scene, &model, &options, 0, keep, &mut |_, _| ControlFlow::Continue(())).unwrap();
+    predict_rows(scene, &model, &options, 0, keep, &mut |_, _| ControlFlow::Continue(())).unwrap();
     let mut made = Made { heights_m: Vec::new(), valid: Vec::new(), errors: Vec::new() };
     for row in rows.iter().flat_map(|rows| rows.chunks(5 * SHAPE.cols)) {
         let maps: Vec<&[f32]> = row.chunks(SHAPE.cols).collect();
@@ -256,24 +303,56 @@ fn compare(what: &str, found: &Made, expected: &Made, errors: usize) {
 }
 
 #[test]
+fn posts_make_the_bytes_of_a_scene() {
+    let path = repository().join("host-train/models/nano.eld");
+    let bytes = std::fs::read(&path).unwrap();
+    let (tile, shape) = (golden(), Shape::new(11, 13));
+    let posts_m: Vec<f32> = (0..shape.pixels()).map(|i| -1900.0 + (i * 7919 % 97) as f32).collect();
+    let coarse = raster(shape, &posts_m, (-47.0, 31.0), 59.225);
+    let transform = |raster: &Raster| raster.georef.as_ref().unwrap().transform;
+    let map = PixelMap::between(&transform(&image_raster(&tile)), &transform(&coarse)).unwrap();
+    let posts = eld_posts_t {
+        posts_m: posts_m.as_ptr(),
+        posts_len: posts_m.len(),
+        cols: shape.cols,
+        row0: map.row0,
+        rows_per_line: map.row_per_row,
+        col0: map.col0,
+        cols_per_px: map.col_per_col,
+    };
+    let scene =
+        Scene::new(NamedRaster::in_memory("image", image_raster(&tile)), NamedRaster::in_memory("coarse DTM", coarse))
+            .unwrap();
+    let (expected, _) = predicted(&path, &scene, &tile);
+    let (found, _) = through_c_with(&bytes, &tile, |c| {
+        (c.coarse_m, c.coarse_len, c.coarse_px) = (std::ptr::null(), 0, scene.coarse_px);
+        c.posts = &raw const posts;
+    });
+    assert!(found.valid.iter().filter(|valid| **valid).count() > PX / 2);
+    compare("posts", &expected, &found, 2);
+}
+
+#[test]
 fn c_strip_and_scene_make_the_same_bytes() {
     let path = repository().join("host-train/models/nano.eld");
     let bytes = std::fs::read(&path).unwrap();
     let mut sources = Vec::new();
     for tile in tiles() {
-        let expected = through_c(&bytes, &tile);
+        let (expected, of_c) = through_c(&bytes, &tile);
         let valid = expected.valid.iter().filter(|valid| **valid).count();
         assert!(valid > PX / 2, "{}: {valid} pixels", tile.what);
         let light = own_light(Model::new(&bytes).unwrap(), &tile);
         sources.push(light.source);
         let (strip, origins) = as_strip(Model::new(&bytes).unwrap(), &tile, light);
         compare(&format!("{}, strip", tile.what), &strip, &expected, 2);
+        assert!(origins == of_c, "{}: origins of C and of the strip", tile.what);
         for (i, origin) in origins.iter().enumerate().filter(|(i, _)| expected.valid[*i]) {
             let [.., explained, dark] = expected.errors[i];
             assert_eq!(*origin, Origin::of(explained, dark) as u8, "{}: pixel {i}", tile.what);
         }
         let (scene, of_scene) = as_scene(&path, &tile);
         assert_eq!(light, of_scene, "{}", tile.what);
+        assert_eq!(surveyed(Model::new(&bytes).unwrap(), &tile), of_scene, "{}: survey of its only tile", tile.what);
         compare(&format!("{}, scene", tile.what), &scene, &expected, 4);
     }
     use LightSource::{Assumed, Fitted, Given};

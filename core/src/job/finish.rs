@@ -49,8 +49,10 @@ impl TileJob {
                 if self.input.illumination.is_weighed() {
                     self.lighting.settle(heights_m, coarse_m);
                 }
+                // Memory or code may have changed since the network's heights were checked.
+                check(heights_m, coarse_m)?;
                 self.to(Pass::Finished);
-                8
+                16
             }
             _ => {
                 copy(heights_m, coarse_m);

@@ -45,6 +45,7 @@ mod memory;
 mod network;
 mod prepare;
 mod scale;
+mod survey;
 mod words;
 
 pub use error::JobError;
@@ -52,6 +53,7 @@ pub use guard::TilePart;
 pub use memory::TileMemory;
 pub use network::{InputMap, Network};
 pub use scale::TileScale;
+pub use survey::LightSurvey;
 
 use crate::error::same_length;
 use crate::fill::Fill;
@@ -61,7 +63,7 @@ use crate::norm::shading::Brightness;
 use crate::norm::{ElevationScale, FineWaves, LightFit, Mirror};
 use crate::part::head;
 use crate::photoclinometry::{ExpectedErrors, FieldWork, GuideForm};
-use crate::samples::Samples;
+use crate::samples::{Samples, set};
 use crate::tile::Shape;
 
 /// How heights are made, the same for all tiles of a scene.
@@ -297,6 +299,20 @@ impl TileJob {
     #[must_use]
     pub fn expected(&self) -> Option<ExpectedErrors> {
         self.expected
+    }
+
+    /// Writes a bit for every pixel, 1 where it is dark ([`ExpectedErrors::is_dark`]), once the tile is prepared: without the image, this is
+    /// what remains of it in the expected errors. `image` is that of the tile, `dark` as long as [`TileMemory::valid`].
+    pub fn mark_dark(&self, image: impl Samples, dark: &mut [u8]) {
+        dark.fill(0);
+        let Some(expected) = self.expected.filter(|_| self.made() == Some(Made::Predicted)) else { return };
+        for row in 0..self.tile.rows {
+            prepare::each(&image, row * self.tile.cols, self.tile.cols, |pixel, v| {
+                if expected.is_dark(v) {
+                    set(dark, pixel);
+                }
+            });
+        }
     }
 
     /// Returns the way from the network's output to metres; `None` if the network does not run.

@@ -9,11 +9,11 @@ use crate::norm::intensity::IntensityRange;
 use crate::norm::light_fit::FitPart;
 use crate::norm::shading::Brightness;
 use crate::norm::{ElevationScale, FineWaves, LightFit, NormError};
-use crate::part::{head, head_mut, item, part, part_mut, put};
+use crate::part::{head, head_mut, part, part_mut, put};
 use crate::photoclinometry::{
     Contrast, ExpectedErrors, FieldWork, Guide, GuideForm, GuideInput, MAPS, Photoclinometry, SLOPED_MAPS, Task, Weight,
 };
-use crate::samples::{Masked, Samples};
+use crate::samples::{Masked, Samples, set};
 use crate::terrain::PixelSize;
 
 /// Number of samples that a unit of filling looks at.
@@ -49,7 +49,7 @@ impl TileJob {
     }
 
     /// Takes a row of samples.
-    fn take<S: Samples, C: Samples>(&mut self, tile: &TileInput<S, C>, memory: &mut TileMemory<'_>) -> u64 {
+    pub(super) fn take<S: Samples, C: Samples>(&mut self, tile: &TileInput<S, C>, memory: &mut TileMemory<'_>) -> u64 {
         let (row, cols, copies) = (self.unit as usize, self.tile.cols, !self.input.illumination.is_guided());
         if row == 0 {
             memory.valid.fill(0);
@@ -69,7 +69,7 @@ impl TileJob {
                     self.has_image_gaps |= v.is_nan();
                 }
                 if col < seen && !v.is_nan() && !z.is_nan() {
-                    put(memory.valid, pixel / 8, item(memory.valid, pixel / 8) | 1 << (pixel % 8));
+                    set(memory.valid, pixel);
                     self.valid_px += 1;
                 }
             }
@@ -82,7 +82,7 @@ impl TileJob {
         } else if self.pass == Pass::FillCoarse && wants_fit && self.made != Made::Coarse {
             self.to(Pass::FitMeasure);
         }
-        80 * cols as u64
+        (80 + tile.coarse_m.work()) * cols as u64
     }
 
     /// Fills voids of the coarse heights, then of the image's copy.
@@ -139,7 +139,7 @@ impl TileJob {
             self.coarse.add(*z);
             self.coarse_mean.add(*z, f32::NEG_INFINITY);
         }
-        each(&image, first, cols, |v| self.brightness.add(v));
+        each(&image, first, cols, |_, v| self.brightness.add(v));
         self.next(self.tile.rows, Pass::Lit);
         if self.pass == Pass::Lit {
             self.elevation = Some(match self.input.truth_range {
@@ -156,27 +156,30 @@ impl TileJob {
     fn measure_lit(&mut self, image: impl Samples, then: Pass) -> u64 {
         let cols = self.tile.cols;
         let (first, dark_below) = (self.unit as usize * cols, self.brightness.dark_below());
-        each(&image, first, cols, |v| self.brightness.lit.add(v, dark_below));
+        each(&image, first, cols, |_, v| self.brightness.lit.add(v, dark_below));
         self.next(self.tile.rows, then);
         60 * cols as u64
     }
 
     /// Fits the light to samples that are not filled yet.
-    fn fit_unit(&mut self, image: impl Samples, memory: &mut TileMemory<'_>) -> Result<u64, LengthError> {
+    pub(super) fn fit_unit(&mut self, image: impl Samples, memory: &mut TileMemory<'_>) -> Result<u64, LengthError> {
         let cols = self.tile.cols;
         Ok(match self.pass {
             Pass::FitMeasure => {
-                each(&image, self.unit as usize * cols, cols, |v| self.brightness.add(v));
+                each(&image, self.unit as usize * cols, cols, |_, v| self.brightness.add(v));
                 self.next(self.tile.rows, Pass::FitLit);
                 60 * cols as u64
             }
             Pass::FitLit => self.measure_lit(image, Pass::Fit),
             Pass::Fit => self.fit(image, memory.coarse_m),
-            _ => {
-                // The copy of the image is in the first part, if there is one.
-                let first = if self.input.illumination.is_guided() { 0 } else { self.tile.pixels() };
-                self.axis(image, memory.scratch.get_mut(first..).unwrap_or_default())?
-            }
+            _ => match self.axis(image, memory)? {
+                Some(cost) => cost,
+                None => {
+                    self.fit = self.shown().fit();
+                    self.end_fit();
+                    1
+                }
+            },
         })
     }
 
@@ -194,23 +197,22 @@ impl TileJob {
         (self.tile.rows * (4600 + 190 * cell_px)) as u64
     }
 
-    /// Measures the contrast of the image alone, which shows the line along which the Sun shines.
-    fn axis(&mut self, image: impl Samples, scratch: &mut [f32]) -> Result<u64, LengthError> {
+    /// Measures the contrast of the image alone, which shows the line along which the Sun shines; `None` if it is measured, or there is none.
+    pub(super) fn axis(
+        &mut self,
+        image: impl Samples,
+        memory: &mut TileMemory<'_>,
+    ) -> Result<Option<u64>, LengthError> {
+        // The copy of the image is in the first part, if there is one.
+        let first = if self.input.illumination.is_guided() { 0 } else { self.tile.pixels() };
+        let scratch = memory.scratch.get_mut(first..).unwrap_or_default();
         let plan = Photoclinometry::new(self.tile);
         // Darkness and sameness have no contrast. Only a guide has the memory for it.
         let shading =
             self.brightness.shading(Contrast::ALONG_ROWS).ok().filter(|_| scratch.len() >= plan.scratch_len());
-        let Some(shading) = shading else {
-            self.end_fit();
-            return Ok(1);
-        };
+        let Some(shading) = shading else { return Ok(None) };
         let level = Contrast::level(&image, self.tile, self.rules.coarse_px, &shading);
-        let cost = plan.advance(&mut self.field, &Task::Contrast, &level, scratch)?;
-        if cost.is_none() {
-            self.fit = self.fit.with_axis(plan.measured(&self.field).axis());
-            self.end_fit();
-        }
-        Ok(cost.unwrap_or(1))
+        plan.advance(&mut self.field, &Task::Contrast, &level, scratch)
     }
 
     /// Ends the fit.
@@ -330,12 +332,12 @@ impl TileJob {
     }
 }
 
-/// Calls `add` for samples of a row.
-fn each(image: &impl Samples, first: usize, count: usize, mut add: impl FnMut(f32)) {
+/// Calls `add` for samples of a row, with their indices.
+pub(super) fn each(image: &impl Samples, first: usize, count: usize, mut add: impl FnMut(usize, f32)) {
     let mut room = [0.0; TAKEN_TOGETHER];
     for from in (0..count).step_by(TAKEN_TOGETHER) {
         let room = head_mut(&mut room, TAKEN_TOGETHER.min(count - from));
-        image.line(first + from, room).iter().for_each(|v| add(*v));
+        (first + from..).zip(image.line(first + from, room)).for_each(|(index, v)| add(index, *v));
     }
 }
 

@@ -195,6 +195,93 @@ fn heights_are_those_of_the_parts_whatever_the_budget() {
 }
 
 #[test]
+fn heights_that_change_after_they_were_checked_are_no_result() {
+    let (image, coarse_m) = ground();
+    let sun = KnownSun { azimuth_deg: Some(135.0), elevation_deg: Some(30.0) };
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::Own(sun) };
+    let (rules, mut echo) = (rules(Illumination::Sloped), Echo::new(SLOPED_MAPS));
+    for broken in [f32::INFINITY, f32::NAN] {
+        let mut lent = Lent::new(&rules, TILE);
+        let mut memory = lent.memory();
+        let mut job = TileJob::new(RULES, rules, TILE);
+        while job.prepare(&mut echo, &tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
+        while job.pass != Pass::Settle {
+            assert_eq!(job.run(&mut echo, &mut memory, 1), Ok(Progress::Running));
+        }
+        memory.scratch[TILE.pixels() - 1] = broken;
+        // A change that no checksum of the memory has seen.
+        assert!(matches!(job.finish_unit(&echo, &mut memory), Err(JobError::Height { .. })), "{broken}");
+    }
+}
+
+#[test]
+fn a_survey_of_one_tile_finds_the_light_of_the_tile() {
+    let (image, coarse_m) = ground();
+    let sun = KnownSun { azimuth_deg: None, elevation_deg: Some(30.0) };
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::Own(sun) };
+    for illumination in [Illumination::Sloped, Illumination::Given, Illumination::Northwest, Illumination::Any] {
+        let (job, ..) = run(illumination, &tile, u64::MAX);
+        for budget in [1, 20_000, u64::MAX] {
+            let (rules, mut pieces) = (rules(illumination), 0);
+            let mut lent = Lent::new(&rules, TILE);
+            let mut memory = lent.memory();
+            let mut survey = TileJob::new(RULES, rules, TILE);
+            while survey.survey(&tile, &mut memory, budget).unwrap() == Progress::Running {
+                pieces += 1;
+                survey = TileJob::from_words(survey.to_words(), rules, TILE).unwrap();
+            }
+            assert_eq!(pieces == 0, budget == u64::MAX);
+            let mut all = LightSurvey::default();
+            all.add(&survey.shown());
+            assert_eq!(all, survey.shown());
+            let words = all.to_words();
+            assert_eq!(LightSurvey::from_words(words), Some(all));
+            assert_eq!(all.decide(illumination, sun), job.lighting(), "{illumination:?} {budget}");
+            // Twice the same ground is known better.
+            all.add(&survey.shown());
+            let (once, twice) = (survey.shown().decide(illumination, sun), all.decide(illumination, sun));
+            assert!(twice.azimuth_sd_deg <= once.azimuth_sd_deg && twice.source == once.source);
+        }
+    }
+    let mut spoilt = LightSurvey::default().to_words();
+    spoilt[16] = 2;
+    assert_eq!(LightSurvey::from_words(spoilt), None);
+}
+
+#[test]
+fn a_survey_of_nothing_shows_nothing() {
+    let (image, coarse_m) = ground();
+    let void = vec![f32::NAN; TILE.pixels()];
+    let (rules, light) = (rules(Illumination::Sloped), TileLight::default());
+    for (image, is_dark) in [(&void, false), (&vec![7.0; TILE.pixels()], true), (&image, false)] {
+        let coarse_m = if is_dark { &coarse_m } else { &void };
+        let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light };
+        let mut lent = Lent::new(&rules, TILE);
+        let mut survey = TileJob::new(RULES, rules, TILE);
+        assert_eq!(survey.survey(&tile, &mut lent.memory(), u64::MAX), Ok(Progress::Done));
+        let found = survey.shown().decide(Illumination::Sloped, KnownSun::default());
+        assert_eq!(found.source, crate::nn::LightSource::Assumed);
+        let short = TileInput { image: &image[1..], ..tile };
+        assert!(TileJob::new(RULES, rules, TILE).survey(&short, &mut lent.memory(), 1).is_err());
+    }
+}
+
+#[test]
+fn dark_pixels_are_marked() {
+    let (mut image, coarse_m) = ground();
+    image[9 * TILE.cols..9 * TILE.cols + 30].fill(1.0);
+    let sun = KnownSun { azimuth_deg: Some(135.0), elevation_deg: Some(30.0) };
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::Own(sun) };
+    let (job, ..) = run(Illumination::Sloped, &tile, u64::MAX);
+    let mut dark = vec![0xA5; TileMemory::valid_len(TILE)];
+    job.mark_dark(tile.image, &mut dark);
+    assert!((0..TILE.pixels()).all(|i| is_set(&dark, i) == (image[i] == 1.0)));
+    let (job, ..) = run(Illumination::Any, &tile, u64::MAX);
+    job.mark_dark(tile.image, &mut dark);
+    assert!(dark.iter().all(|byte| *byte == 0), "without expected errors nothing is dark");
+}
+
+#[test]
 fn every_kind_of_input_gives_the_same_heights_for_every_budget() {
     use Illumination::*;
     let (image, coarse_m) = ground();

@@ -152,6 +152,8 @@ impl Lighting {
     #[must_use]
     pub fn decide(illumination: Illumination, sun: KnownSun, fit: &LightFit) -> Self {
         let KnownSun { azimuth_deg, elevation_deg } = sun;
+        // For other networks a tile has no memory to find the axis.
+        let fit = if illumination.is_guided() { *fit } else { fit.with_axis(None) };
         let found = match (illumination, azimuth_deg) {
             (Illumination::Any, _) => return Self::NOT_ASKED,
             // Only the quadrant matters; it does not depend on the elevation of the Sun.

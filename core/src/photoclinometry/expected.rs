@@ -20,6 +20,17 @@ pub struct Errors {
     pub dark: f32,
 }
 
+impl Errors {
+    /// Those of a void: all are NaN.
+    pub const VOID: Self = Self { height_m: f32::NAN, slope: f32::NAN, explained: f32::NAN, dark: f32::NAN };
+
+    /// Returns the origin of a height with these errors.
+    #[must_use]
+    pub fn origin(&self) -> Origin {
+        Origin::of(self.explained, self.dark)
+    }
+}
+
 /// The origin of a height. The codes are those of files and of flight software.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 #[repr(u8)]
@@ -139,7 +150,13 @@ impl ExpectedErrors {
     /// Returns those of a pixel of this brightness.
     #[must_use]
     pub fn at(&self, brightness: f32) -> Errors {
-        if self.is_dark(brightness) { self.dark } else { self.lit }
+        self.of(self.is_dark(brightness))
+    }
+
+    /// Returns those of a pixel that is dark, or is not ([`Self::is_dark`]).
+    #[must_use]
+    pub fn of(&self, dark: bool) -> Errors {
+        if dark { self.dark } else { self.lit }
     }
 }
 
@@ -240,7 +257,9 @@ mod tests {
             (f32::NAN, f32::NAN, Origin::Void),
         ] {
             assert_eq!(Origin::of(explained, dark), origin, "{explained} {dark}");
+            assert_eq!(Errors { explained, dark, ..Errors::default() }.origin(), origin);
         }
+        assert_eq!(Errors::VOID.origin(), Origin::Void);
     }
 
     #[test]

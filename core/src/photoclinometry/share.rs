@@ -44,6 +44,14 @@ pub(super) struct Power {
     pub(super) waves: f64,
 }
 
+impl Power {
+    /// Writes or reads it.
+    pub(super) fn visit(&mut self, words: &mut Words<'_>) {
+        let Self { total, cos, sin, waves } = self;
+        [total, cos, sin, waves].into_iter().for_each(|v| words.f64(v));
+    }
+}
+
 /// The contrast of an image, octave by octave and by direction; additive over tiles.
 #[derive(Debug, Clone, Copy, PartialEq, Default)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize))]
@@ -66,6 +74,12 @@ impl Contrast {
             *waves *= effective;
         }
         Self { octaves, tiles: 1.0 }
+    }
+
+    /// Writes or reads it.
+    pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
+        self.octaves.iter_mut().for_each(|power| power.visit(words));
+        words.f64(&mut self.tiles);
     }
 
     /// Measures the contrast of an image alone, of this shape, row-major, at valid pixels ([`crate::mask`]). `coarse_px` is the side of a

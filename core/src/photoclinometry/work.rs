@@ -33,9 +33,7 @@ impl FieldWork {
         words.u32(&mut self.unit);
         self.lit.visit(words);
         words.f32(&mut self.squares);
-        for Power { total, cos, sin, waves } in &mut self.power {
-            [total, cos, sin, waves].into_iter().for_each(|v| words.f64(v));
-        }
+        self.power.iter_mut().for_each(|power| power.visit(words));
     }
 }
 

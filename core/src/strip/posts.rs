@@ -103,7 +103,7 @@ impl PostGrid {
     ) {
         let row = self.row(line);
         let above = libm::floor(row);
-        let (first, down) = (above as isize - 1, (row - above) as f32);
+        let (first, down) = ((above as isize).saturating_sub(1), (row - above) as f32);
         let has_rows = rows > 0 && row >= -EDGE_PX && row <= rows as f64 - 1.0 + EDGE_PX;
         for (col, out) in pixels {
             let at = self.col0 + col as f64 * self.cols_per_px;

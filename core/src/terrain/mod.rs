@@ -20,7 +20,7 @@ pub use error::TerrainError;
 pub use footprint::MAX_RADIUS_PX;
 pub use hazard::HazardLimits;
 pub use hillshade::{Sun, hillshade};
-pub use lines::{LineMaps, LineOptions, TerrainLines};
+pub use lines::{LineMaps, LineOptions, LinesPaused, TerrainLines};
 pub use lunar_lambert::lunar_lambert_weight;
 pub use normal::normals;
 pub use slope::slope_deg;

@@ -49,6 +49,8 @@
 #define ELD_NOTICE_COARSE                 UINT32_C(0x40040003) /**< begun; the image has no contrast or no light, or the coarse DTM no relief, so the heights will be the coarse DTM's */
 #define ELD_NOTICE_DROPPED_COARSE         UINT32_C(0x40040004) /**< begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's */
 
+#define ELD_NOTICE_NO_LINE                UINT32_C(0x40010001) /**< done; no line of the maps came out: push the next one, or all are out */
+
 #define ELD_NOTICE_REPAIRED               UINT32_C(0x40060001) /**< done; a damaged copy of the context was repaired from the other */
 
 #define ELD_NOTICE_STRIP_PUSH             UINT32_C(0x40070001) /**< the strip needs a line, or its end */
@@ -68,6 +70,8 @@
 #define ELD_REFUSED_OTHER_TILE            UINT32_C(0x80010009) /**< the tile is the self test's where the caller's is asked for, or the other way round */
 #define ELD_REFUSED_NOT_BEGUN             UINT32_C(0x8001000b) /**< the tile is not begun yet: call eld_begin_step until it is */
 #define ELD_REFUSED_NO_ERRORS             UINT32_C(0x8001000a) /**< the model's maps are not weighed, so it expects no errors */
+#define ELD_REFUSED_OPTIONS               UINT32_C(0x8001000c) /**< an option of the terrain maps is out of range */
+#define ELD_REFUSED_UNFINISHED            UINT32_C(0x8001000d) /**< lines of the grid before are not out yet: call eld_terrain_finish */
 
 #define ELD_REFUSED_MEMORY_SHORT          UINT32_C(0x80020001) /**< the lent memory is shorter than eld_model_check says */
 #define ELD_REFUSED_MEMORY_ALIGNMENT      UINT32_C(0x80020002) /**< the lent memory is not aligned as eld_model_check says */
@@ -88,8 +92,11 @@
 #define ELD_REFUSED_TILE_SIZE             UINT32_C(0x80040001) /**< a map of the tile does not have rows * cols samples */
 #define ELD_REFUSED_TILE_MASK             UINT32_C(0x80040002) /**< a byte of the mask is neither 0 nor 1 */
 #define ELD_REFUSED_TILE_PIXEL            UINT32_C(0x80040003) /**< pixel_m or coarse_px is not finite and above 0 */
-#define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown */
+#define ELD_REFUSED_TILE_SUN              UINT32_C(0x80040004) /**< the Sun's azimuth is not within -360 to 360 degrees, or its elevation not above 0 and below 90; NaN stands for unknown */
 #define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< no pixel of the tile is valid in both maps */
+#define ELD_REFUSED_TILE_POSTS            UINT32_C(0x80040009) /**< the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well */
+#define ELD_REFUSED_TILE_LIGHT            UINT32_C(0x8004000b) /**< the light of the scene is none that eld_light_decide gives for this model */
+#define ELD_REFUSED_TILE_OPTION           UINT32_C(0x8004000a) /**< network_alone is neither 0 nor 1 */
 #define ELD_REFUSED_TILE_FORMAT           UINT32_C(0x80040008) /**< the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist */
 
 #define ELD_REFUSED_STRIP_SETTINGS        UINT32_C(0x80070001) /**< an overlap, a number of lines kept or a choice of the strip's settings that does not exist */
@@ -102,7 +109,9 @@
 
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
 
-#define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the tile's validity bits have changed in memory; the tile is lost */
+#define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the bits of valid or dark pixels have changed in memory; the tile is lost */
+#define ELD_FAULT_LIGHT                   UINT32_C(0xc0040002) /**< what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again */
+#define ELD_FAULT_LINES                   UINT32_C(0xc0040003) /**< a line that is kept for the terrain maps has changed in memory; the grid is lost: begin it again */
 
 #define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
 #define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
@@ -190,6 +199,11 @@
 #define ELD_PHASE_PREPARING 5
 
 /**
+ * Phase: `eld_light_add` looks at a tile.
+ */
+#define ELD_PHASE_LIGHT 6
+
+/**
  * Pixels: a float in the processor's own byte order.
  */
 #define ELD_PIXELS_F32 0
@@ -225,7 +239,73 @@
 #define ELD_PIXELS_HAS_SATURATED 2
 
 /**
- * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved, copied or read.
+ * Origin of a height: the image explains at least half of the relief between the coarse DTM's pixels.
+ */
+#define ELD_ORIGIN_IMAGE 0
+
+/**
+ * Origin of a height: the image explains a tenth to a half of it.
+ */
+#define ELD_ORIGIN_BLENDED 1
+
+/**
+ * Origin of a height: the image explains less; the height is that of the coarse DTM.
+ */
+#define ELD_ORIGIN_COARSE 2
+
+/**
+ * Origin of a height: the pixel is dark; the height is that of its surroundings and of the coarse DTM.
+ */
+#define ELD_ORIGIN_SHADOW 3
+
+/**
+ * Origin of a height: image or coarse DTM is void; the height is filled.
+ */
+#define ELD_ORIGIN_VOID 4
+
+/**
+ * Hazard: the plane under the footprint is steeper than the limit.
+ */
+#define ELD_HAZARD_TOO_STEEP 1
+
+/**
+ * Hazard: a pixel is above or below that plane by more than the limit.
+ */
+#define ELD_HAZARD_TOO_ROUGH 2
+
+/**
+ * Hazard: the footprint leaves the grid or has a void.
+ */
+#define ELD_HAZARD_UNKNOWN 4
+
+/**
+ * Hazard: the plane may be steeper than the limit within the stated number of standard deviations.
+ */
+#define ELD_HAZARD_MAYBE_TOO_STEEP 8
+
+/**
+ * Source of a light: the network works with any light and takes none.
+ */
+#define ELD_SOURCE_NOT_ASKED 0
+
+/**
+ * Source of a light: every angle of the Sun that the network needs was stated.
+ */
+#define ELD_SOURCE_GIVEN 1
+
+/**
+ * Source of a light: fitted to image and coarse DTM, at least in part.
+ */
+#define ELD_SOURCE_FITTED 2
+
+/**
+ * Source of a light: neither stated nor shown.
+ */
+#define ELD_SOURCE_ASSUMED 3
+
+/**
+ * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved or read.
+ * A copy of all lent memory that was made between two calls may be written back to the same place, for the same model.
  * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
 typedef struct eld_context_t eld_context_t;
@@ -234,6 +314,11 @@ typedef struct eld_context_t eld_context_t;
  * A strip with its model's working memory, at the start of the memory lent to `eld_strip_init`. What holds for a context holds for it, too.
  */
 typedef struct eld_strip_t eld_strip_t;
+
+/**
+ * Terrain maps of a grid whose lines come one at a time, at the start of the memory lent to `eld_terrain_init`. The rules of `eld_context_t` hold.
+ */
+typedef struct eld_terrain_t eld_terrain_t;
 
 /**
  * Result of a call: severity in bits 31-30 (0 good, 1 notice, 2 refused, 3 fault), unit in bits 23-16, code in bits 15-0.
@@ -357,6 +442,85 @@ typedef struct {
 } eld_pixels_t;
 
 /**
+ * A coarse DTM as posts on its own grid. The library interpolates it onto the image's grid as the ground does. Rows and columns of the posts run
+ * along those of the image: the centre of the image's pixel (row, column) is at row `row0 + row * rows_per_line` and column
+ * `col0 + column * cols_per_px` of the posts, where (0, 0) is the centre of the first post.
+ */
+typedef struct {
+    /**
+     * Heights at the posts, metres above the 1737.4 km sphere, row-major; samples that are not real are voids.
+     */
+    const float *posts_m;
+    /**
+     * Number of posts: whole rows.
+     */
+    size_t posts_len;
+    /**
+     * Posts in a row.
+     */
+    size_t cols;
+    /**
+     * Row of the posts at the image's first row.
+     */
+    double row0;
+    /**
+     * Rows of posts from a row of the image to the next; negative if they run the other way.
+     */
+    double rows_per_line;
+    /**
+     * Column of the posts at the image's first column.
+     */
+    double col0;
+    /**
+     * Columns of posts from a column of the image to the next.
+     */
+    double cols_per_px;
+} eld_posts_t;
+
+/**
+ * The light of a scene, decided by `eld_light_decide`. Tiles of one scene, and a strip, have one light: with a light of its own for each, heights
+ * would have steps at the seams. It holds for the models of one `ELD_LIGHT_*`.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_lighting_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Where the light comes from: one of `ELD_SOURCE_*`.
+     */
+    uint32_t source;
+    /**
+     * Change of relative brightness per slope of the ground, which rises towards increasing columns.
+     */
+    float east;
+    /**
+     * The same for ground that rises towards increasing rows.
+     */
+    float south;
+    /**
+     * Share of the relief found under this light that is kept, 0 to 1.
+     */
+    float trust;
+    /**
+     * Probability that the image shows the ground of the coarse DTM under this light, 0 to 1.
+     */
+    float related;
+    /**
+     * Share of the contrast of long waves that is relief, 0 to 1; NaN if unknown.
+     */
+    float long_share;
+    /**
+     * Standard deviation of the logarithm of the light's strength.
+     */
+    float log_strength_sd;
+    /**
+     * Standard deviation of the light's azimuth, degrees, 0 to 180.
+     */
+    float azimuth_sd_deg;
+} eld_lighting_t;
+
+/**
  * A tile in physical units. Maps are row-major, tile_rows x tile_cols samples, first row first; they are read until the tile is begun.
  * Samples that are not real (NaN, or 1e30 or more from zero, as PDS3 and ISIS specials are) are voids.
  */
@@ -378,7 +542,7 @@ typedef struct {
      */
     float sun_azimuth_deg;
     /**
-     * Elevation of the Sun above the horizon, degrees; NaN if unknown.
+     * Elevation of the Sun above the horizon, degrees, above 0 and below 90; NaN if unknown.
      */
     float sun_elevation_deg;
     /**
@@ -390,11 +554,11 @@ typedef struct {
      */
     eld_pixels_t image;
     /**
-     * Coarse DTM on the image's grid, metres above the 1737.4 km sphere.
+     * Coarse DTM on the image's grid, metres above the 1737.4 km sphere; NULL with `posts`.
      */
     const float *coarse_m;
     /**
-     * Number of samples of the coarse DTM.
+     * Number of samples of the coarse DTM; 0 with `posts`.
      */
     size_t coarse_len;
     /**
@@ -405,6 +569,14 @@ typedef struct {
      * Bytes of the mask; 0 with NULL.
      */
     size_t valid_len;
+    /**
+     * Coarse DTM on its own grid; NULL with `coarse_m`.
+     */
+    const eld_posts_t *posts;
+    /**
+     * The light of the tile's scene, in place of the Sun's angles; NULL: the tile's own.
+     */
+    const eld_lighting_t *light;
 } eld_tile_t;
 
 /**
@@ -699,6 +871,82 @@ typedef struct {
     uint64_t tile_faults;
 } eld_strip_telemetry_t;
 
+/**
+ * What terrain maps are made of a grid.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_terrain_options_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Samples of a line, at least 1.
+     */
+    uint32_t cols;
+    /**
+     * Radius r of a vehicle's footprint, pixels, 1 to 16: a square of 2r + 1 pixels a side.
+     */
+    uint32_t radius_px;
+    /**
+     * Ground size of a pixel from one line to the next, metres.
+     */
+    float row_m;
+    /**
+     * Ground size of a pixel along a line, metres.
+     */
+    float col_m;
+    /**
+     * Largest safe slope of the footprint's plane, degrees, above 0 and at most 90.
+     */
+    float slope_deg;
+    /**
+     * Largest safe distance of a pixel of the footprint from that plane, metres, above 0.
+     */
+    float roughness_m;
+    /**
+     * Number of standard deviations of the slope's error for `ELD_HAZARD_MAYBE_TOO_STEEP`; 0: errors do not count.
+     */
+    float sigmas;
+    /**
+     * Azimuth of the light of the hillshade, degrees clockwise from the direction of decreasing rows.
+     */
+    float sun_azimuth_deg;
+    /**
+     * Its elevation, degrees.
+     */
+    float sun_elevation_deg;
+} eld_terrain_options_t;
+
+/**
+ * The maps of a line: `cols` samples each, or NULL: not wanted.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_terrain_maps_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Horn's slope of the pixel, degrees; NaN at edges and beside voids.
+     */
+    float *slope_deg;
+    /**
+     * Shaded relief, 1 to 255; 0 at edges and beside voids.
+     */
+    uint8_t *hillshade;
+    /**
+     * Slope of the plane under the footprint, degrees; NaN where the footprint leaves the grid or has a void.
+     */
+    float *footprint_slope_deg;
+    /**
+     * Largest distance of a pixel of the footprint from that plane, metres; NaN as above.
+     */
+    float *roughness_m;
+    /**
+     * Sum of `ELD_HAZARD_*`; 0 is safe.
+     */
+    uint8_t *hazard;
+} eld_terrain_maps_t;
+
 #ifdef __cplusplus
 extern "C" {
 #endif // __cplusplus
@@ -799,6 +1047,17 @@ eld_status_t eld_errors(eld_context_t *context,
                         eld_errors_t *out);
 
 /**
+ * Writes the errors that the finished tile's heights and slopes are expected to have, standard deviations: of each height, metres, and of the
+ * slope along either axis, metres per metre; and the origin of each height, one of `ELD_ORIGIN_*`. Errors are NaN where heights are not valid.
+ * Each map has `len` samples, one per pixel, or is NULL. Refused as `eld_errors`.
+ */
+eld_status_t eld_error_maps(eld_context_t *context,
+                            float *height_m,
+                            float *slope,
+                            uint8_t *origin,
+                            size_t len);
+
+/**
  * Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may
  * be called at any time between other calls. A fault means that a chunk has changed since it was loaded; the next call continues behind
  * it.
@@ -820,6 +1079,28 @@ eld_status_t eld_self_test_check(eld_context_t *context);
  * Copies the counters. `out->struct_bytes` must be set. Reads only the context, so it works with a damaged model.
  */
 eld_status_t eld_telemetry(eld_context_t *context, eld_telemetry_t *out);
+
+/**
+ * Adds what a tile shows of the light of its scene, a piece of about `budget_macs` multiply-accumulates at a time. `ELD_RUNNING`: call again with
+ * the same structure, and unchanged maps. The angles of the Sun and `light` do not matter here. A tile in progress is dropped, with a notice.
+ */
+eld_status_t eld_light_add(eld_context_t *context,
+                           const eld_tile_t *tile,
+                           uint64_t budget_macs);
+
+/**
+ * Decides the light of the scene whose tiles were added: stated angles of the Sun are kept (degrees as in `eld_tile_t`, NaN if unknown), the rest is
+ * fitted to all of them. `out->struct_bytes` must be set. The light is for the tiles of the scene (`eld_tile_t.light`).
+ */
+eld_status_t eld_light_decide(eld_context_t *context,
+                              float sun_azimuth_deg,
+                              float sun_elevation_deg,
+                              eld_lighting_t *out);
+
+/**
+ * Forgets what was added by `eld_light_add`, before another scene.
+ */
+eld_status_t eld_light_clear(eld_context_t *context);
 
 /**
  * Validates a model and the settings of a strip, and writes the number of bytes of memory for `eld_strip_init`, which needs alignment as
@@ -897,6 +1178,39 @@ eld_status_t eld_strip_scrub(eld_strip_t *strip,
  * Copies the counters. `out->struct_bytes` must be set.
  */
 eld_status_t eld_strip_telemetry(eld_strip_t *strip, eld_strip_telemetry_t *out);
+
+/**
+ * Writes how much memory terrain maps with these options need. `options->struct_bytes` must be set.
+ */
+eld_status_t eld_terrain_plan(const eld_terrain_options_t *options, uint64_t *memory_bytes);
+
+/**
+ * Makes terrain maps at the start of `memory`, which is lent as long as they are used, and zeroes it. Writes them to `*terrain`, NULL if refused.
+ */
+eld_status_t eld_terrain_init(void *memory,
+                              size_t memory_bytes,
+                              const eld_terrain_options_t *options,
+                              eld_terrain_t **terrain);
+
+/**
+ * Takes the next line of the grid: `len` heights, metres, NaN for voids; and, if the options ask for standard deviations, those of the errors of its
+ * slopes (as `eld_error_maps` writes them), or NULL if unknown. If the maps of a line are complete, they are written, and its number, counted from 0,
+ * to `*row`; otherwise `ELD_NOTICE_NO_LINE`. A line comes out `radius_px` lines after it was pushed.
+ */
+eld_status_t eld_terrain_push(eld_terrain_t *terrain,
+                              const float *line_m,
+                              const float *slope_sd,
+                              size_t len,
+                              const eld_terrain_maps_t *maps,
+                              uint64_t *row);
+
+/**
+ * Writes the maps of the next line after the last push, and its number to `*row`; `ELD_NOTICE_NO_LINE` when all are out. Then the next grid may
+ * begin.
+ */
+eld_status_t eld_terrain_finish(eld_terrain_t *terrain,
+                                const eld_terrain_maps_t *maps,
+                                uint64_t *row);
 
 #ifdef __cplusplus
 }  // extern "C"

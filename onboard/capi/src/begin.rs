@@ -9,7 +9,7 @@ use crate::sealed::{self, Beginning, Head, write_job};
 use crate::status::*;
 use crate::tile::CallerTile;
 use crate::types::eld_status_t;
-use elunar_core::nn::file::{u32_at, word};
+use elunar_core::nn::file::{crc32c, u32_at, word};
 use elunar_core::nn::{KnownSun, LightSource, Model, Validation};
 use elunar_core::{Made, Progress, TileJob};
 
@@ -52,6 +52,39 @@ pub(crate) fn init_step<'m>(
     Ok(validated)
 }
 
+/// Returns the job of a tile that is prepared or surveyed: a new one, or, if it may `go_on` and is the same tile, the one in progress. The arena is
+/// marked as changing.
+///
+/// # Errors
+/// The status of a refused tile; then nothing has changed.
+pub(crate) fn job_of(
+    context: &mut Context<'_>,
+    model: &Model<'_>,
+    block: &[u8],
+    tile: &CallerTile<'_>,
+    (kind, go_on): (u32, bool),
+) -> Result<TileJob, eld_status_t> {
+    if go_on && context.record.tile == kind && context.record.tile_crc == tile.crc {
+        let job = tile_job(context, model, block)?;
+        context.start();
+        return Ok(job);
+    }
+    let rules = tile.rules;
+    if ![rules.pixel_m, rules.coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
+        return Err(ELD_REFUSED_TILE_PIXEL);
+    }
+    if !tile.has_valid_pixels() {
+        return Err(ELD_REFUSED_TILE_MASKED);
+    }
+    let dropped = context.at_work();
+    context.start();
+    let record = &mut context.record;
+    record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
+    (record.tile, record.tile_crc, record.made, record.valid_px) = (kind, tile.crc, 0, 0);
+    record.notices = if dropped { DROPPED } else { 0 };
+    Ok(TileJob::new(rules, model.input_rules(), model.tile()))
+}
+
 /// Begins the caller's tile, or goes on with it.
 pub(crate) fn begin(
     context: &mut Context<'_>,
@@ -60,26 +93,8 @@ pub(crate) fn begin(
     tile: &CallerTile<'_>,
     budget: Option<u64>,
 ) -> Outcome {
-    let goes_on = budget.is_some() && context.record.tile == PREPARING && context.record.tile_crc == tile.crc;
-    if !goes_on {
-        let rules = tile.rules;
-        if ![rules.pixel_m, rules.coarse_px].iter().all(|v| v.is_finite() && *v > 0.0) {
-            return Err(ELD_REFUSED_TILE_PIXEL);
-        }
-        if !tile.has_valid_pixels() {
-            return Err(ELD_REFUSED_TILE_MASKED);
-        }
-    }
-    let job = if goes_on { Some(tile_job(context, &model, lent.job)?) } else { None };
-    let dropped = context.at_work() && !goes_on;
-    context.start();
+    let mut job = job_of(context, &model, lent.job, tile, (PREPARING, budget.is_some()))?;
     let record = &mut context.record;
-    if !goes_on {
-        record.tiles_dropped = record.tiles_dropped.wrapping_add(u64::from(dropped));
-        (record.tile, record.tile_crc, record.made, record.valid_px) = (PREPARING, tile.crc, 0, 0);
-        record.notices = if dropped { DROPPED } else { 0 };
-    }
-    let mut job = job.unwrap_or_else(|| TileJob::new(tile.rules, model.input_rules(), model.tile()));
     let mut runner = runner(record, model, lent.arena)?;
     let prepared = job.prepare(&mut runner, &tile.input(), &mut lent.tile, budget.unwrap_or(u64::MAX));
     record.suspended = runner.suspend();
@@ -94,6 +109,8 @@ pub(crate) fn begin(
     let assumed = job.lighting().source == LightSource::Assumed && job.made() == Some(Made::Predicted);
     record.tile = TILE;
     record.valid_px = job.valid_px() as u32;
+    job.mark_dark(tile.input().image, lent.dark);
+    record.dark_crc = crc32c(lent.dark);
     record.lights_assumed = record.lights_assumed.wrapping_add(u64::from(assumed));
     keep_errors(record, &job);
     let dropped = record.notices & DROPPED != 0;

@@ -1,6 +1,6 @@
 //! A context for the duration of a call: opened, validated and repaired at its start, written back at its end.
 
-use crate::record::{ContextRecord, EMPTY, PREPARING, SELF_TEST, TILE};
+use crate::record::{ContextRecord, EMPTY, PREPARING, SELF_TEST, SURVEY, TILE};
 use crate::sealed::{self, Head};
 use crate::status::*;
 use crate::types::eld_status_t;
@@ -13,7 +13,9 @@ pub(crate) type Outcome = Result<eld_status_t, eld_status_t>;
 /// The parts of the lent memory behind the context (see [`crate::layout`]).
 pub(crate) struct Lent<'m> {
     pub(crate) job: &'m mut [u8],
+    pub(crate) survey: &'m mut [u8],
     pub(crate) tile: TileMemory<'m>,
+    pub(crate) dark: &'m mut [u8],
     pub(crate) arena: &'m mut [u8],
 }
 
@@ -34,20 +36,26 @@ impl<'h> Context<'h> {
     /// # Errors
     /// The status with which the call ends.
     pub(crate) fn open(head: &'h mut Head, home: usize) -> Result<Self, eld_status_t> {
-        let (mut record, damaged) = sealed::read(head).ok_or(ELD_FAULT_CONTEXT_LOST)?;
+        let (record, damaged) = sealed::read(head).ok_or(ELD_FAULT_CONTEXT_LOST)?;
         if record.home != home as u64 {
             return Err(ELD_FAULT_CONTEXT_MOVED);
         }
-        record.calls = record.calls.wrapping_add(1);
-        record.repairs = record.repairs.wrapping_add(u64::from(damaged));
-        record.repairs_untold = record.repairs_untold.saturating_add(u32::from(damaged));
-        let context = Self { head, record };
+        let mut context = Self { head, record };
+        context.record.calls = context.record.calls.wrapping_add(1);
+        context.repaired(damaged);
         if context.record.busy != 0 { Err(context.close(Err(ELD_FAULT_INTERRUPTED))) } else { Ok(context) }
     }
 
     /// Returns the model; an error if it is not the one that was validated.
     pub(crate) fn model<'m>(&self, bytes: &'m [u8]) -> Result<Model<'m>, eld_status_t> {
         Model::reopen(bytes, &self.record.verdict).map_err(|_| ELD_FAULT_MODEL_CHANGED)
+    }
+
+    /// Counts a copy of words that was damaged, and is written again at the end of the work.
+    pub(crate) fn repaired(&mut self, damaged: bool) {
+        let record = &mut self.record;
+        record.repairs = record.repairs.wrapping_add(u64::from(damaged));
+        record.repairs_untold = record.repairs_untold.saturating_add(u32::from(damaged));
     }
 
     /// Marks the arena as changing in the lent memory, so that the next call notices a call that did not return.
@@ -67,6 +75,9 @@ impl<'h> Context<'h> {
             record.faults = record.faults.wrapping_add(1);
             record.last_fault = status;
         }
+        if status == ELD_FAULT_LIGHT {
+            record.lights_added = 0;
+        }
         if matches!(status, ELD_FAULT_RUN | ELD_FAULT_INTERRUPTED | ELD_FAULT_VALIDITY | ELD_FAULT_DATA_CHANGED) {
             record.lose_tile();
         }
@@ -83,7 +94,7 @@ impl<'h> Context<'h> {
     pub(crate) fn at_work(&self) -> bool {
         let phase = self.record.suspended.phase;
         match self.record.tile {
-            PREPARING => true,
+            PREPARING | SURVEY => true,
             TILE => self.record.made == 0,
             tile => tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::VERIFYING),
         }
@@ -96,7 +107,7 @@ impl<'h> Context<'h> {
     pub(crate) fn finished(&self, whose: u32) -> Result<(), eld_status_t> {
         let ContextRecord { tile, made, suspended, .. } = self.record;
         match tile {
-            EMPTY => Err(ELD_REFUSED_NO_TILE),
+            EMPTY | SURVEY => Err(ELD_REFUSED_NO_TILE),
             PREPARING if whose == TILE => Err(ELD_REFUSED_NOT_DONE),
             _ if tile != whose => Err(ELD_REFUSED_OTHER_TILE),
             TILE if made == 0 => Err(ELD_REFUSED_NOT_DONE),

@@ -8,98 +8,35 @@
 //! - the memory lent to `eld_init` and the model stay at their addresses as long as the context is used;
 //! - a context pointer came from `eld_init`, or points to `HEAD_BYTES` readable and writable bytes;
 //! - one thread at a time uses a context.
-#![allow(unsafe_code)] // the only file of this package with unsafe code
+#![allow(unsafe_code)] // with its parts in ffi/ the only file of this package with unsafe code
 #![allow(clippy::missing_safety_doc)] // the promises above hold for every function
 #![allow(non_camel_case_types)]
 
+mod light;
+mod pointers;
+pub mod strip;
+mod terrain;
+mod tile;
+
+pub use light::{eld_light_add, eld_light_clear, eld_light_decide};
+pub use terrain::{eld_terrain_finish, eld_terrain_init, eld_terrain_plan, eld_terrain_push};
+
 use crate::begin;
 use crate::context::{Context, Lent, Outcome};
+use crate::info;
 use crate::layout::{ALIGN_BYTES, Layout};
 use crate::record::ContextRecord;
+use crate::run::{self, ErrorMaps};
 use crate::sealed::{HEAD_BYTES, Head};
 use crate::status::*;
-use crate::tile::CallerTile;
 use crate::types::*;
-use crate::{info, run};
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
-use elunar_core::nn::{Kernel, Model, TileLight, file};
-use elunar_core::pixels::{PixelForm, PixelFormat, Pixels};
+use elunar_core::TileMemory;
+use elunar_core::nn::{Kernel, Model, file};
 use elunar_core::tile::Shape;
-use elunar_core::{TileMemory, TileRules};
-
-pub mod strip;
-
-// ---- pointers ---------------------------------------------------------------------------------------------------------
-
-/// Returns the addresses of `len` values; an error if there is no such range.
-fn span<T>(pointer: *const T, len: usize) -> Result<Range<usize>, eld_status_t> {
-    if pointer.is_null() {
-        return Err(ELD_REFUSED_NULL);
-    }
-    if !pointer.is_aligned() {
-        return Err(ELD_REFUSED_ALIGNMENT);
-    }
-    let bytes = len.checked_mul(size_of::<T>()).filter(|bytes| *bytes <= isize::MAX as usize);
-    let end = bytes.and_then(|bytes| pointer.addr().checked_add(bytes)).ok_or(ELD_REFUSED_LENGTH)?;
-    Ok(pointer.addr()..end)
-}
-
-fn bytes_of(pointer: *const c_void, len: usize) -> Result<Range<usize>, eld_status_t> {
-    span(pointer.cast::<u8>(), len)
-}
-
-/// Returns the addresses of `len` bytes for a comparison only: none for NULL, up to the last address if the length wraps.
-fn reach(pointer: *const c_void, len: usize) -> Range<usize> {
-    let start = pointer.addr();
-    if pointer.is_null() { 0..0 } else { start..start.saturating_add(len) }
-}
-
-/// Returns an error if two spans share a byte.
-fn apart(a: &Range<usize>, b: &Range<usize>) -> Result<(), eld_status_t> {
-    if a.end <= b.start || b.end <= a.start { Ok(()) } else { Err(ELD_REFUSED_OVERLAP) }
-}
-
-/// Returns the values at `pointer`.
-///
-/// # Safety
-/// The caller's promise holds for the pointer.
-unsafe fn slice<'a, T>(pointer: *const T, len: usize) -> Result<&'a [T], eld_status_t> {
-    span(pointer, len)?;
-    // SAFETY: not NULL, aligned, and short enough. The caller promises that the memory exists and does not change. `T` is a plain number.
-    Ok(unsafe { core::slice::from_raw_parts(pointer, len) })
-}
-
-/// Returns the values at `pointer` as a writable slice.
-///
-/// # Safety
-/// The caller's promise holds for the pointer, and no other live reference refers to these bytes.
-unsafe fn slice_mut<'a, T>(pointer: *mut T, len: usize) -> Result<&'a mut [T], eld_status_t> {
-    span(pointer, len)?;
-    // SAFETY: as above; the second condition excludes sharing.
-    Ok(unsafe { core::slice::from_raw_parts_mut(pointer, len) })
-}
-
-/// Reads a structure of the caller whose first field is its size.
-///
-/// # Safety
-/// The caller's promise holds for the pointer.
-unsafe fn structure<T: Copy>(pointer: *const T) -> Result<T, eld_status_t> {
-    span(pointer, 1)?;
-    // SAFETY: every structure begins with `struct_bytes`, also a shorter one of another version.
-    let struct_bytes = unsafe { pointer.cast::<u32>().read() };
-    if struct_bytes as usize != size_of::<T>() {
-        return Err(ELD_REFUSED_STRUCT_BYTES);
-    }
-    // SAFETY: as large as the caller says; plain numbers and pointers.
-    Ok(unsafe { pointer.read() })
-}
-
-fn status_of(outcome: Outcome) -> eld_status_t {
-    match outcome {
-        Ok(status) | Err(status) => status,
-    }
-}
+use pointers::*;
+use tile::caller_tile;
 
 // ---- contexts ---------------------------------------------------------------------------------------------------------
 
@@ -153,7 +90,7 @@ unsafe fn with_model(
 /// # Safety
 /// `layout.bytes()` bytes at `memory` were lent, and no live reference refers to those behind the record.
 unsafe fn lent<'m>(memory: *mut u8, layout: &Layout) -> Result<Lent<'m>, eld_status_t> {
-    let Layout { job, valid, coarse, scratch, lines, arena } = layout;
+    let Layout { job, survey, valid, dark, coarse, scratch, lines, arena } = layout;
     // SAFETY: the layout's ranges are inside the memory and do not overlap. Any bit pattern of the memory is a float.
     unsafe {
         let floats =
@@ -164,8 +101,9 @@ unsafe fn lent<'m>(memory: *mut u8, layout: &Layout) -> Result<Lent<'m>, eld_sta
             scratch: floats(scratch)?,
             lines: slice_mut(memory.add(lines.start).cast::<f64>(), lines.len() / size_of::<f64>())?,
         };
-        let job = slice_mut(memory.add(job.start), job.len())?;
-        Ok(Lent { job, tile, arena: slice_mut(memory.add(arena.start), arena.len())? })
+        let [job, survey, dark, arena] =
+            [job, survey, dark, arena].map(|part| slice_mut(memory.add(part.start), part.len()));
+        Ok(Lent { job: job?, survey: survey?, tile, dark: dark?, arena: arena? })
     }
 }
 
@@ -362,107 +300,12 @@ pub unsafe extern "C" fn eld_begin_step(
 /// The caller's promise holds for all pointers.
 unsafe fn begin_tile(context: *mut eld_context_t, tile: *const eld_tile_t, budget_macs: Option<u64>) -> eld_status_t {
     let begin = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
-        apart_from_ours(&context.record, &span(tile, 1)?)?;
-        // SAFETY: the caller's promise; the structure does not overlap any memory that is borrowed.
-        let tile = unsafe { structure(tile) }?;
-        let shape = model.tile();
-        let pixels = shape.pixels();
-        let masked = !tile.valid.is_null() || tile.valid_len != 0;
-        let image = bytes_of(tile.image.data, tile.image.data_bytes)?;
-        let mut maps = [image, span(tile.coarse_m, tile.coarse_len)?, 0..0];
-        if masked {
-            maps[2] = span(tile.valid, tile.valid_len)?;
-        }
         // SAFETY: the caller's promise.
-        let image = pixels_of(&tile.image, shape, unsafe { slice(tile.image.data.cast(), tile.image.data_bytes) }?)?;
-        if tile.network_alone > 1
-            || tile.coarse_len != pixels
-            || masked && tile.valid_len != pixels
-            || !image.is_whole()
-        {
-            return Err(ELD_REFUSED_TILE_SIZE);
-        }
-        for map in &maps {
-            apart_from_ours(&context.record, map)?;
-        }
-        // SAFETY: the caller's promise; the maps do not overlap any memory that is written.
-        let coarse_m = unsafe { slice(tile.coarse_m, pixels)? };
-        let valid = match masked {
-            // SAFETY: as above; every byte is 0 or 1.
-            true => Some(unsafe { mask(tile.valid, pixels) }?),
-            false => None,
-        };
-        let light = TileLight::Own(begin::stated_sun(tile.sun_azimuth_deg, tile.sun_elevation_deg)?);
-        let eld_tile_t { pixel_m, coarse_px, .. } = tile;
-        let rules = TileRules { pixel_m, coarse_px, anchor: tile.network_alone == 0 };
-        let tile = CallerTile { image, coarse_m, valid, rules, light, crc: tile_crc(&tile) };
+        let tile = unsafe { caller_tile(tile, &context.record, &model) }?;
         begin::begin(context, model, lent, &tile, budget_macs)
     };
     // SAFETY: the caller's promise.
     unsafe { with_model(context, begin) }
-}
-
-/// Returns the form of pixels.
-fn form_of(pixels: &eld_pixels_t) -> Result<PixelForm, eld_status_t> {
-    let format = match pixels.format {
-        ELD_PIXELS_F32 => PixelFormat::F32,
-        ELD_PIXELS_U8 => PixelFormat::U8,
-        ELD_PIXELS_U16_LE => PixelFormat::U16Le,
-        ELD_PIXELS_U16_BE => PixelFormat::U16Be,
-        ELD_PIXELS_U12_PACKED => PixelFormat::U12Packed,
-        _ => return Err(ELD_REFUSED_TILE_FORMAT),
-    };
-    let known = if format == PixelFormat::F32 { 0 } else { ELD_PIXELS_HAS_NULL | ELD_PIXELS_HAS_SATURATED };
-    let code = |flag: u32, code: u32| (pixels.flags & flag != 0).then_some(code);
-    let form = PixelForm {
-        format,
-        gain: pixels.gain,
-        offset: pixels.offset,
-        null_code: code(ELD_PIXELS_HAS_NULL, pixels.null_code),
-        saturated_from: code(ELD_PIXELS_HAS_SATURATED, pixels.saturated_from),
-    };
-    if pixels.flags & !known == 0 && form.is_legal() { Ok(form) } else { Err(ELD_REFUSED_TILE_FORMAT) }
-}
-
-/// Returns the pixels of an image.
-fn pixels_of<'p>(image: &eld_pixels_t, shape: Shape, bytes: &'p [u8]) -> Result<Pixels<'p>, eld_status_t> {
-    let pixels = form_of(image)?.pixels(bytes, shape);
-    Ok(Pixels { row_bytes: if image.row_bytes == 0 { pixels.row_bytes } else { image.row_bytes }, ..pixels })
-}
-
-/// Returns the checksum of a tile's structure, without the bytes between its fields.
-fn tile_crc(tile: &eld_tile_t) -> u32 {
-    let eld_tile_t { pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, network_alone, image, .. } = tile;
-    let eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from } = image;
-    let numbers = [*network_alone, *format, *flags, *null_code, *saturated_from];
-    let floats = [pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, gain, offset].map(|v| v.to_bits());
-    let places = [
-        data.addr(),
-        *data_bytes,
-        *row_bytes,
-        tile.coarse_m.addr(),
-        tile.coarse_len,
-        tile.valid.addr(),
-        tile.valid_len,
-    ];
-    let mut crc = file::Crc32c::default();
-    numbers.iter().chain(&floats).for_each(|word| crc.update(&word.to_le_bytes()));
-    places.iter().for_each(|place| crc.update(&(*place as u64).to_le_bytes()));
-    crc.value()
-}
-
-/// Returns a mask of bytes as booleans.
-///
-/// # Safety
-/// The caller's promise holds for the pointer.
-unsafe fn mask<'a>(pointer: *const u8, len: usize) -> Result<&'a [bool], eld_status_t> {
-    // SAFETY: the caller's promise.
-    let bytes = unsafe { slice(pointer, len) }?;
-    if bytes.iter().any(|byte| *byte > 1) {
-        return Err(ELD_REFUSED_TILE_MASK);
-    }
-    // SAFETY: the same bytes, each 0 or 1, which are the bit patterns of `bool`.
-    unsafe { slice(pointer.cast::<bool>(), len) }
 }
 
 /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
@@ -532,6 +375,40 @@ pub unsafe extern "C" fn eld_errors(context: *mut eld_context_t, out: *mut eld_e
     };
     // SAFETY: the caller's promise.
     unsafe { with_record(context, errors) }
+}
+
+/// Writes the errors that the finished tile's heights and slopes are expected to have, standard deviations: of each height, metres, and of the
+/// slope along either axis, metres per metre; and the origin of each height, one of `ELD_ORIGIN_*`. Errors are NaN where heights are not valid.
+/// Each map has `len` samples, one per pixel, or is NULL. Refused as `eld_errors`.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_error_maps(
+    context: *mut eld_context_t,
+    height_m: *mut f32,
+    slope: *mut f32,
+    origin: *mut u8,
+    len: usize,
+) -> eld_status_t {
+    let write = |context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>| {
+        let spans = [optional_span(height_m, len)?, optional_span(slope, len)?, optional_span(origin, len)?];
+        for (i, map) in spans.iter().enumerate() {
+            apart_from_ours(&context.record, map)?;
+            spans.iter().skip(i + 1).try_for_each(|other| apart(map, other))?;
+        }
+        if len != model.tile().pixels() {
+            return Err(ELD_REFUSED_BUFFER);
+        }
+        // SAFETY: the caller's promise; the buffers do not overlap each other, the lent memory or the model.
+        let maps = unsafe {
+            ErrorMaps {
+                height_m: optional_slice_mut(height_m, len)?,
+                slope: optional_slice_mut(slope, len)?,
+                origin: optional_slice_mut(origin, len)?,
+            }
+        };
+        run::error_maps(context, &model, &lent, maps)
+    };
+    // SAFETY: the caller's promise.
+    unsafe { with_model(context, write) }
 }
 
 /// Compares up to `max_bytes` of the model with its checksums. Each call continues after the last one, and starts again at the end. It may

@@ -3,7 +3,7 @@
 use elunar_core::nn::{Suspended, Verdict};
 
 /// Number of eight-byte words of a record.
-pub(crate) const WORDS: usize = 33;
+pub(crate) const WORDS: usize = 34;
 
 /// No tile was begun.
 pub(crate) const EMPTY: u32 = 0;
@@ -11,6 +11,8 @@ pub(crate) const EMPTY: u32 = 0;
 pub(crate) const TILE: u32 = 1;
 /// A tile of the caller is prepared.
 pub(crate) const PREPARING: u32 = 3;
+/// A tile of the caller shows the light of its scene.
+pub(crate) const SURVEY: u32 = 4;
 /// The arena contains the tile of the self test.
 pub(crate) const SELF_TEST: u32 = 2;
 
@@ -30,7 +32,7 @@ pub(crate) struct ContextRecord {
     /// Address of the model; the verdict has its length.
     pub(crate) model: u64,
     pub(crate) verdict: Verdict,
-    /// The tile: [`EMPTY`], [`PREPARING`], [`TILE`] or [`SELF_TEST`].
+    /// The tile: [`EMPTY`], [`PREPARING`], [`SURVEY`], [`TILE`] or [`SELF_TEST`].
     pub(crate) tile: u32,
     /// 1 while a call changes the arena. A call finds 1 at its start only if the previous call did not return.
     pub(crate) busy: u32,
@@ -42,8 +44,9 @@ pub(crate) struct ContextRecord {
     pub(crate) notices: u32,
     /// How the tile was made: 0 unless it is finished, [`PREDICTED`] or [`COARSE`].
     pub(crate) made: u32,
-    /// Number of pixels with valid heights.
+    /// Number of pixels with valid heights, and checksum of the bits of dark pixels.
     pub(crate) valid_px: u32,
+    pub(crate) dark_crc: u32,
     /// Counters: see [`crate::types::eld_telemetry_t`].
     pub(crate) calls: u64,
     pub(crate) faults: u64,
@@ -53,6 +56,8 @@ pub(crate) struct ContextRecord {
     pub(crate) last_fault: u32,
     pub(crate) lights_assumed: u64,
     pub(crate) tiles_dropped: u64,
+    /// Number of tiles that were added to the light of the scene.
+    pub(crate) lights_added: u64,
     /// Bits of [`elunar_core::photoclinometry::ExpectedErrors::to_values`].
     pub(crate) expected_bits: [u32; 6],
 }
@@ -116,8 +121,9 @@ words!(r:
     [r.repairs]
     [r.lights_assumed]
     [r.tiles_dropped]
+    [r.lights_added]
     [r.last_fault, r.suspended.trusting]
-    [r.verdict.sum_count]
+    [r.verdict.sum_count, r.dark_crc]
     [r.suspended.telemetry.tile_faults]
     [r.expected_bits[0], r.expected_bits[1]]
     [r.expected_bits[2], r.expected_bits[3]]

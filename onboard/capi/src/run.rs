@@ -1,17 +1,19 @@
 //! Works on a tile, returns its heights, checks the self test, and scrubs the model.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::record::{COARSE, ContextRecord, EMPTY, PREDICTED, PREPARING, SELF_TEST, TILE};
+use crate::record::{COARSE, ContextRecord, EMPTY, PREDICTED, PREPARING, SELF_TEST, SURVEY, TILE};
 use crate::sealed::{read_job, write_job};
 use crate::status::*;
 use crate::tile::unpack;
 use crate::types::{
-    ELD_PHASE_EMPTY, ELD_PHASE_PREPARING, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE, ELD_PHASE_TILE,
-    ELD_PHASE_TILE_DONE, eld_errors_t, eld_status_t, eld_telemetry_t,
+    ELD_PHASE_EMPTY, ELD_PHASE_LIGHT, ELD_PHASE_PREPARING, ELD_PHASE_SELF_TEST, ELD_PHASE_SELF_TEST_DONE,
+    ELD_PHASE_TILE, ELD_PHASE_TILE_DONE, eld_errors_t, eld_status_t, eld_telemetry_t,
 };
 use elunar_core::job::TilePart;
+use elunar_core::nn::file::crc32c;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, Suspended};
-use elunar_core::photoclinometry::ExpectedErrors;
+use elunar_core::photoclinometry::{Errors, ExpectedErrors};
+use elunar_core::samples::is_set;
 use elunar_core::{JobError, Made, TileJob};
 
 /// Resumes the runner from the record.
@@ -32,16 +34,14 @@ pub(crate) fn runner<'a, 'm>(
 /// [`ELD_FAULT_RUN`] if both copies are damaged.
 pub(crate) fn tile_job(context: &mut Context<'_>, model: &Model<'_>, block: &[u8]) -> Result<TileJob, eld_status_t> {
     let (words, damaged) = read_job(block).ok_or(ELD_FAULT_RUN)?;
-    let record = &mut context.record;
-    record.repairs = record.repairs.wrapping_add(u64::from(damaged));
-    record.repairs_untold = record.repairs_untold.saturating_add(u32::from(damaged));
+    context.repaired(damaged);
     TileJob::from_words(words, model.input_rules(), model.tile()).ok_or(ELD_FAULT_RUN)
 }
 
 /// Works until `budget_macs` are spent.
 pub(crate) fn step(context: &mut Context<'_>, model: Model<'_>, mut lent: Lent<'_>, budget_macs: u64) -> Outcome {
     match context.record.tile {
-        EMPTY => return Err(ELD_REFUSED_NO_TILE),
+        EMPTY | SURVEY => return Err(ELD_REFUSED_NO_TILE),
         PREPARING => return Err(ELD_REFUSED_NOT_BEGUN),
         TILE if context.record.made != 0 => return Ok(ELD_OK),
         SELF_TEST if context.record.suspended.phase == Suspended::DONE => return Ok(ELD_OK),
@@ -93,14 +93,43 @@ pub(crate) fn output(
 }
 
 /// Returns the expected errors of the finished tile.
-pub(crate) fn errors(context: &Context<'_>, struct_bytes: u32) -> Result<eld_errors_t, eld_status_t> {
+fn expected(context: &Context<'_>) -> Result<ExpectedErrors, eld_status_t> {
     context.finished(TILE)?;
-    let values = context.record.expected_bits.map(f32::from_bits);
-    let [height_m, slope, explained, dark_height_m, dark_slope, dark_below] = values;
-    if explained.is_nan() {
-        return Err(ELD_REFUSED_NO_ERRORS);
-    }
+    let expected = ExpectedErrors::from_values(context.record.expected_bits.map(f32::from_bits));
+    if expected.lit().explained.is_nan() { Err(ELD_REFUSED_NO_ERRORS) } else { Ok(expected) }
+}
+
+/// As [`expected`], for C.
+pub(crate) fn errors(context: &Context<'_>, struct_bytes: u32) -> Result<eld_errors_t, eld_status_t> {
+    let [height_m, slope, explained, dark_height_m, dark_slope, dark_below] = expected(context)?.to_values();
     Ok(eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below })
+}
+
+/// Maps of expected errors; `None` is not wanted.
+pub(crate) struct ErrorMaps<'o> {
+    pub(crate) height_m: Option<&'o mut [f32]>,
+    pub(crate) slope: Option<&'o mut [f32]>,
+    pub(crate) origin: Option<&'o mut [u8]>,
+}
+
+/// Writes the expected errors and the origin of every height of the finished tile.
+pub(crate) fn error_maps(
+    context: &mut Context<'_>,
+    model: &Model<'_>,
+    lent: &Lent<'_>,
+    maps: ErrorMaps<'_>,
+) -> Outcome {
+    let expected = expected(context)?;
+    tile_job(context, model, lent.job)?.check(&lent.tile).map_err(job_status)?;
+    if crc32c(lent.dark) != context.record.dark_crc {
+        return Err(ELD_FAULT_VALIDITY);
+    }
+    let at = |i| if is_set(lent.tile.valid, i) { expected.of(is_set(lent.dark, i)) } else { Errors::VOID };
+    let ErrorMaps { height_m, slope, origin } = maps;
+    height_m.into_iter().flatten().enumerate().for_each(|(i, to)| *to = at(i).height_m);
+    slope.into_iter().flatten().enumerate().for_each(|(i, to)| *to = at(i).slope);
+    origin.into_iter().flatten().enumerate().for_each(|(i, to)| *to = at(i).origin() as u8);
+    Ok(ELD_OK)
 }
 
 /// Checks the finished self test.
@@ -130,6 +159,7 @@ pub(crate) fn telemetry(record: &ContextRecord, struct_bytes: u32) -> eld_teleme
     let phase = match record.tile {
         EMPTY => ELD_PHASE_EMPTY,
         PREPARING => ELD_PHASE_PREPARING,
+        SURVEY => ELD_PHASE_LIGHT,
         TILE if record.made != 0 => ELD_PHASE_TILE_DONE,
         TILE => ELD_PHASE_TILE,
         _ if done => ELD_PHASE_SELF_TEST_DONE,

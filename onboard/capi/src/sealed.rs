@@ -1,4 +1,4 @@
-//! Words in the lent memory that are kept twice, each copy under a checksum: the context's record, and the tile's job.
+//! Words in the lent memory that are kept twice, each copy under a checksum: the context's record, the tile's job, and the light of the scene.
 //!
 //! ```text
 //! byte 0                        8                            8 + 8 words             copy's end
@@ -9,6 +9,7 @@
 
 use crate::record::{ContextRecord, WORDS};
 use elunar_core::TileJob;
+use elunar_core::job::LightSurvey;
 use elunar_core::nn::Validation;
 use elunar_core::nn::file::crc32c;
 
@@ -25,6 +26,25 @@ pub(crate) const fn copy_bytes(words: usize) -> usize {
 /// Number of bytes of both copies.
 pub(crate) const fn block_bytes(words: usize) -> usize {
     2 * copy_bytes(words)
+}
+
+/// Words that are kept twice under a magic.
+pub(crate) struct Sealed<const WORDS: usize> {
+    pub(crate) magic: u64,
+}
+
+impl<const WORDS: usize> Sealed<WORDS> {
+    /// Writes both copies.
+    pub(crate) fn write(&self, block: &mut [u8], words: &[u64; WORDS]) {
+        write_words(block, self.magic, words);
+    }
+
+    /// Reads the words; `true` if a copy was damaged. `None` if both are.
+    pub(crate) fn read(&self, block: &[u8]) -> Option<([u64; WORDS], bool)> {
+        let mut words = [0; WORDS];
+        let damaged = read_words(block, self.magic, &mut words)?;
+        Some((words, damaged))
+    }
 }
 
 /// Number of bytes of both copies of a context.
@@ -105,6 +125,21 @@ pub(crate) fn read_job(block: &[u8]) -> Option<([u64; TileJob::WORDS], bool)> {
     let mut words = [0; TileJob::WORDS];
     let damaged = read_words(block, JOB, &mut words)?;
     Some((words, damaged))
+}
+
+/// "ELDLIT" and the version of the survey.
+const LIGHT: u64 = u64::from_le_bytes(*b"ELDLIT\x00\x01");
+
+/// Writes both copies of what tiles show of the light.
+pub(crate) fn write_survey(block: &mut [u8], survey: &LightSurvey) {
+    write_words(block, LIGHT, &survey.to_words());
+}
+
+/// Reads what tiles show of the light, as [`read`].
+pub(crate) fn read_survey(block: &[u8]) -> Option<(LightSurvey, bool)> {
+    let mut words = [0; LightSurvey::WORDS];
+    let damaged = read_words(block, LIGHT, &mut words)?;
+    Some((LightSurvey::from_words(words)?, damaged))
 }
 
 /// Words of an initialisation in progress: addresses and lengths of memory and model, the header's checksum, and the validation's words.

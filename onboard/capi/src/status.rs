@@ -87,6 +87,7 @@ statuses! {
     ELD_NOTICE_DROPPED_LIGHT_ASSUMED = NOTICE, TILE, 2, "begun; the tile before was dropped unfinished, and the light is assumed";
     ELD_NOTICE_COARSE = NOTICE, TILE, 3, "begun; the image has no contrast or no light, or the coarse DTM no relief, so the heights will be the coarse DTM's";
     ELD_NOTICE_DROPPED_COARSE = NOTICE, TILE, 4, "begun; the tile before was dropped unfinished, and the heights will be the coarse DTM's";
+    ELD_NOTICE_NO_LINE = NOTICE, CALL, 1, "done; no line of the maps came out: push the next one, or all are out";
     ELD_NOTICE_REPAIRED = NOTICE, CONTEXT, 1, "done; a damaged copy of the context was repaired from the other";
 
     ELD_NOTICE_STRIP_PUSH = NOTICE, STRIP, 1, "the strip needs a line, or its end";
@@ -107,6 +108,9 @@ statuses! {
     ELD_REFUSED_NOT_BEGUN = REFUSED, CALL, 11, "the tile is not begun yet: call eld_begin_step until it is";
     ELD_REFUSED_NO_ERRORS = REFUSED, CALL, 10, "the model's maps are not weighed, so it expects no errors";
 
+    ELD_REFUSED_OPTIONS = REFUSED, CALL, 12, "an option of the terrain maps is out of range";
+    ELD_REFUSED_UNFINISHED = REFUSED, CALL, 13, "lines of the grid before are not out yet: call eld_terrain_finish";
+
     ELD_REFUSED_MEMORY_SHORT = REFUSED, MEMORY, 1, "the lent memory is shorter than eld_model_check says";
     ELD_REFUSED_MEMORY_ALIGNMENT = REFUSED, MEMORY, 2, "the lent memory is not aligned as eld_model_check says";
 
@@ -126,8 +130,11 @@ statuses! {
     ELD_REFUSED_TILE_SIZE = REFUSED, TILE, 1, "a map of the tile does not have rows * cols samples";
     ELD_REFUSED_TILE_MASK = REFUSED, TILE, 2, "a byte of the mask is neither 0 nor 1";
     ELD_REFUSED_TILE_PIXEL = REFUSED, TILE, 3, "pixel_m or coarse_px is not finite and above 0";
-    ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not within 0 to 90; NaN stands for unknown";
+    ELD_REFUSED_TILE_SUN = REFUSED, TILE, 4, "the Sun's azimuth is not within -360 to 360 degrees, or its elevation not above 0 and below 90; NaN stands for unknown";
     ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "no pixel of the tile is valid in both maps";
+    ELD_REFUSED_TILE_POSTS = REFUSED, TILE, 9, "the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well";
+    ELD_REFUSED_TILE_LIGHT = REFUSED, TILE, 11, "the light of the scene is none that eld_light_decide gives for this model";
+    ELD_REFUSED_TILE_OPTION = REFUSED, TILE, 10, "network_alone is neither 0 nor 1";
     ELD_REFUSED_TILE_FORMAT = REFUSED, TILE, 8, "the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist";
 
     ELD_REFUSED_STRIP_SETTINGS = REFUSED, STRIP, 1, "an overlap, a number of lines kept or a choice of the strip's settings that does not exist";
@@ -139,7 +146,9 @@ statuses! {
     ELD_REFUSED_STRIP_NO_POSTS = REFUSED, STRIP, 7, "the strip's coarse heights come with its lines, not as posts";
 
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
-    ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the tile's validity bits have changed in memory; the tile is lost";
+    ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the bits of valid or dark pixels have changed in memory; the tile is lost";
+    ELD_FAULT_LIGHT = FAULT, TILE, 2, "what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again";
+    ELD_FAULT_LINES = FAULT, TILE, 3, "a line that is kept for the terrain maps has changed in memory; the grid is lost: begin it again";
     ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
     ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
     ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";

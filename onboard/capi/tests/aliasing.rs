@@ -109,6 +109,8 @@ fn tile(maps: &Inputs) -> eld_tile_t {
         coarse_len: PX,
         valid: maps.valid.as_ptr(),
         valid_len: PX,
+        posts: null(),
+        light: null(),
     }
 }
 
@@ -200,6 +202,10 @@ fn structures_inside_the_lent_memory_or_the_model_are_neither_read_nor_written()
             let mut heights = vec![0f32; PX];
             assert_eq!(eld_output(rig.context, place, PX, null_mut(), 0), ELD_REFUSED_OVERLAP);
             assert_eq!(eld_output(rig.context, heights.as_mut_ptr(), PX, place.cast(), PX), ELD_REFUSED_OVERLAP);
+            let none = null_mut();
+            for [height_m, slope, origin] in [[place, none, none], [none, place, none], [none, none, place]] {
+                assert_eq!(eld_error_maps(rig.context, height_m, slope, origin.cast(), PX), ELD_REFUSED_OVERLAP);
+            }
             for change in [
                 (|t, p| t.image.data = p.cast()) as fn(&mut eld_tile_t, *mut f32),
                 // Pixels of bytes may begin anywhere; a frame may reach into our memory with its last byte only.
@@ -222,6 +228,31 @@ fn structures_inside_the_lent_memory_or_the_model_are_neither_read_nor_written()
         let place: *mut eld_tile_t = rig.memory.at(inside);
         place.write(tile(&maps));
         assert_eq!(eld_begin(rig.context, place), ELD_REFUSED_OVERLAP);
+    }
+}
+
+#[test]
+fn posts_and_lights_inside_the_lent_memory_or_the_model_are_refused() {
+    let maps = maps();
+    let mut rig = Rig::new();
+    // SAFETY: a context and buffers of the test; what overlaps is refused before it is used.
+    unsafe {
+        for place in rig.places::<eld_lighting_t>() {
+            let tile = eld_tile_t { light: place, ..tile(&maps) };
+            assert_eq!(eld_begin(rig.context, &tile), ELD_REFUSED_OVERLAP);
+            assert_eq!(eld_light_add(rig.context, &tile, 1), ELD_REFUSED_OVERLAP);
+            assert_eq!(eld_light_decide(rig.context, 0.0, 1.0, place), ELD_REFUSED_OVERLAP);
+        }
+        for place in rig.places::<eld_posts_t>() {
+            let tile = eld_tile_t { posts: place, ..tile(&maps) };
+            assert_eq!(eld_begin(rig.context, &tile), ELD_REFUSED_OVERLAP);
+        }
+        for place in rig.places::<f32>() {
+            let (row0, rows_per_line, col0, cols_per_px) = (0.0, 0.5, 0.0, 0.5);
+            let posts = eld_posts_t { posts_m: place, posts_len: 6, cols: 3, row0, rows_per_line, col0, cols_per_px };
+            let tile = eld_tile_t { posts: &raw const posts, coarse_m: null(), coarse_len: 0, ..tile(&maps) };
+            assert_eq!(eld_begin(rig.context, &tile), ELD_REFUSED_OVERLAP);
+        }
     }
 }
 
@@ -252,6 +283,12 @@ fn every_function_in_the_life_of_a_context() {
         assert_eq!((counted.tiles, counted.tiles_dropped, counted.faults), (2, 1, 0));
         assert_eq!(eld_abort(rig.context), ELD_OK);
         assert_eq!(eld_abort(rig.context), ELD_REFUSED_NO_TILE);
+        while eld_light_add(rig.context, &tile(&maps), 1) == ELD_RUNNING {}
+        let struct_bytes = size_of::<eld_lighting_t>() as u32;
+        let mut light = eld_lighting_t { struct_bytes, ..eld_lighting_t::default() };
+        assert_eq!(eld_light_decide(rig.context, f32::NAN, f32::NAN, &raw mut light), ELD_OK);
+        assert_eq!(eld_begin(rig.context, &eld_tile_t { light: &raw const light, ..tile(&maps) }), ELD_OK);
+        assert_eq!(eld_light_clear(rig.context), ELD_OK);
         // A bit of the context flips between two calls.
         rig.memory.at::<u8>(40).write(rig.memory.at::<u8>(40).read() ^ 4);
         assert_eq!(eld_telemetry(rig.context, &raw mut counted), ELD_NOTICE_REPAIRED);

@@ -4,6 +4,8 @@ mod cc;
 mod common;
 use cc::*;
 use common::*;
+use elunar_capi::status::ELD_RUNNING;
+use elunar_capi::types::eld_tile_t;
 use elunar_core::nn::{KnownSun, Lighting};
 use elunar_core::norm::LightFit;
 use elunar_core::pixels::PixelForm;
@@ -19,7 +21,8 @@ fn a_c_program_computes_what_rust_computes() {
         let (first, second) = (Tile::golden(), Tile::other());
         let (heights_m, valid) = first.expected();
         let bytes = |values: &[f32]| values.iter().flat_map(|v| v.to_ne_bytes()).collect::<Vec<u8>>();
-        [bytes(&heights_m), valid, bytes(&second.expected().0)].concat()
+        let (error_m, slope, origin) = first.expected_maps();
+        [bytes(&heights_m), valid, bytes(&error_m), bytes(&slope), origin, bytes(&second.expected().0)].concat()
     };
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
         let program = build(&[source("tile.c")], language, &folder);
@@ -86,6 +89,85 @@ fn a_strip_in_c_computes_what_rust_computes() {
 }
 
 #[test]
+fn a_c_program_gives_posts() {
+    use elunar_core::posts::PostMap;
+    use elunar_core::samples::Samples;
+    use elunar_core::strip::PostGrid;
+    let folder = folder("posts");
+    let mut tile = Tile::golden();
+    // Every 16th height of every 16th row, from (8, 8) on.
+    let of_row = |row: usize| tile.coarse_m[row * COLS..][..COLS].iter().skip(8).step_by(16).copied();
+    let posts_m: Vec<f32> = (8..ROWS).step_by(16).flat_map(of_row).collect();
+    let grid = PostGrid::spaced(20, (8.0, 8.0), (16.0, 16.0));
+    let map = PostMap::new(&posts_m, grid, elunar_core::tile::Shape::new(ROWS, COLS)).unwrap();
+    tile.coarse_m = (0..PX).map(|i| map.at(i)).collect();
+    let expected: Vec<u8> = tile.expected().0.iter().flat_map(|z| z.to_ne_bytes()).collect();
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let (program, out) = (build(&[source("posts.c")], language, &folder), folder.join("heights"));
+        let model = repository().join("host-train/models/nano.eld");
+        run(Command::new(&program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));
+        assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_c_program_makes_two_tiles_under_one_light() {
+    let folder = folder("light");
+    let tile = Tile { sun: [f32::NAN; 2], ..Tile::golden() };
+    let mut context = Context::new(nano());
+    let mut half = tile.clone();
+    half.image[..PX / 2].fill(f32::NAN);
+    for tile in [&tile, &half] {
+        while context.light_add(&tile.c(), 5_000_000) == ELD_RUNNING {}
+    }
+    let light = context.light_decide(tile.sun).unwrap();
+    let mut expected = Vec::new();
+    for tile in [&tile, &half] {
+        let c = eld_tile_t { light: &raw const light, ..tile.c() };
+        while context.begin_step(&c, 5_000_000) == ELD_RUNNING {}
+        context.finish();
+        expected.extend(context.output().unwrap().0.iter().flat_map(|z| z.to_ne_bytes()));
+    }
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let (program, out) = (build(&[source("light.c")], language, &folder), folder.join("heights"));
+        let model = repository().join("host-train/models/nano.eld");
+        run(Command::new(&program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));
+        assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
+fn a_c_program_finds_hazards() {
+    use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines};
+    let (folder, tile) = (folder("terrain"), Tile::golden());
+    let mut heights_m = tile.coarse_m.clone();
+    let valid = tile.valid.unwrap();
+    heights_m.iter_mut().zip(&valid).filter(|(_, valid)| **valid == 0).for_each(|(z, _)| *z = f32::NAN);
+    let limits = HazardLimits::new(4.0, 0.25).unwrap();
+    let options = LineOptions { cols: COLS, pixel: PixelSize::square(2.0), radius_px: 3, sun: Sun::default(), limits };
+    let mut memory = vec![0.0; options.memory_len()];
+    let mut lines = TerrainLines::new(options, &mut memory).unwrap();
+    let (mut expected, mut hazard) = (Vec::new(), vec![0; COLS]);
+    for line in heights_m.chunks(COLS) {
+        if lines.push(line, &mut LineMaps { hazard: &mut hazard, ..LineMaps::default() }).unwrap().is_some() {
+            expected.extend(&hazard);
+        }
+    }
+    while lines.finish(&mut LineMaps { hazard: &mut hazard, ..LineMaps::default() }).unwrap().is_some() {
+        expected.extend(&hazard);
+    }
+    assert!(expected.contains(&0) && expected.iter().any(|hazard| hazard & 3 != 0));
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let (program, out) = (build(&[source("terrain.c")], language, &folder), folder.join("hazards"));
+        run(Command::new(&program).arg(repository().join("tests/golden/flight_tile")).arg(&out));
+        assert!(std::fs::read(&out).unwrap() == expected, "{language}: other bytes than Rust's");
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
 fn what_c_gets_wrong_has_a_status() {
     let folder = folder("misuse");
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
@@ -136,7 +218,11 @@ fn structures_are_laid_out_alike() {
     lay_out! {
         eld_model_info_t { struct_bytes, memory_bytes, largest_unit_macs, header_crc, range_margin }
         eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from }
-        eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, image, coarse_m, coarse_len, valid, valid_len }
+        eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, image, coarse_m, coarse_len, valid, valid_len, posts, light }
+        eld_terrain_options_t { struct_bytes, cols, radius_px, sigmas, sun_elevation_deg }
+        eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard }
+        eld_lighting_t { struct_bytes, source, east, long_share, azimuth_sd_deg }
+        eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_telemetry_t { struct_bytes, valid_px, header_crc, calls, self_test_faults }
         eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels }

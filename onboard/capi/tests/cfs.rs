@@ -5,6 +5,7 @@ mod cc;
 mod common;
 use cc::*;
 use common::*;
+use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, PixelSize, Sun, TerrainLines, hazard};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -79,20 +80,27 @@ fn decoded(said: &str, at: usize) -> Option<Vec<(String, u64)>> {
     )
 }
 
-/// Returns the numbers of classified pixels and of hazards, by slope and roughness as `elunar_app_hazard.c` describes them, with the
-/// table's limits.
+/// Returns the numbers of classified pixels and of hazards by the core, with the table's limits.
 fn hazards(heights_m: &[f32], valid: &[u8]) -> (usize, usize) {
-    let (max_slope, max_roughness_m, pixel_m) = (0.2679f32, 0.5f32, 2.0f32);
-    let (mut classified, mut found) = (0, 0);
-    for at in (1..ROWS - 1).flat_map(|row| (1..COLS - 1).map(move |col| row * COLS + col)) {
-        let cross = [at, at - 1, at + 1, at - COLS, at + COLS];
-        if cross.iter().all(|i| valid[*i] == 1) {
-            let [z, left, right, above, below] = cross.map(|i| heights_m[i]);
-            let (dx, dy) = ((right - left) / (2.0 * pixel_m), (below - above) / (2.0 * pixel_m));
-            let rough = z - 0.25 * (left + right + above + below);
-            classified += 1;
-            found += usize::from(dx * dx + dy * dy > max_slope * max_slope || rough.abs() > max_roughness_m);
+    let known = heights_m.iter().zip(valid).map(|(z, valid)| if *valid == 1 { *z } else { f32::NAN });
+    let heights_m: Vec<f32> = known.collect();
+    let (pixel, limits) = (PixelSize::square(2.0), HazardLimits::new(15.0, 0.5).unwrap());
+    let options = LineOptions { cols: COLS, pixel, radius_px: 1, sun: Sun::default(), limits };
+    let mut memory = vec![0.0; options.memory_len()];
+    let mut terrain = TerrainLines::new(options, &mut memory).unwrap();
+    let (mut classified, mut found, mut hazard) = (0, 0, [0; COLS]);
+    let mut count = |hazard: &[u8; COLS]| {
+        classified += hazard.iter().filter(|hazard| **hazard & hazard::UNKNOWN == 0).count();
+        found += hazard.iter().filter(|hazard| **hazard != 0 && **hazard & hazard::UNKNOWN == 0).count();
+    };
+    for line in heights_m.chunks(COLS) {
+        let mut maps = LineMaps { hazard: &mut hazard, ..LineMaps::default() };
+        if terrain.push(line, &mut maps).unwrap().is_some() {
+            count(&hazard);
         }
+    }
+    while terrain.finish(&mut LineMaps { hazard: &mut hazard, ..LineMaps::default() }).unwrap().is_some() {
+        count(&hazard);
     }
     (classified, found)
 }

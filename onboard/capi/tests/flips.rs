@@ -169,18 +169,23 @@ fn flipped_coarse_heights_are_reported() {
 }
 
 #[test]
-fn flipped_validity_bits_are_reported() {
+fn flipped_bits_of_valid_and_dark_pixels_are_reported() {
     let (tile, mut context) = (Tile::golden(), Context::new(nano()));
     assert_eq!(context.begin(&tile), ELD_OK);
     context.finish();
     let clean = context.memory.clone();
-    let first = 8 * context.parts().valid.start;
-    for bit in (first..first + PX).step_by(997) {
-        context.flip(bit);
-        assert_eq!(context.output(), Err(ELD_FAULT_VALIDITY), "bit {bit}");
-        context.memory.copy_from_slice(&clean);
+    let parts = context.parts();
+    for (first, in_output) in [(parts.valid, true), (parts.dark, false)].map(|(part, is)| (8 * part.start, is)) {
+        for bit in (first..first + PX).step_by(1994) {
+            context.flip(bit);
+            assert_eq!(context.output().err(), in_output.then_some(ELD_FAULT_VALIDITY), "bit {bit}");
+            context.memory.copy_from_slice(&clean);
+            context.flip(bit);
+            assert_eq!(context.error_maps(), Err(ELD_FAULT_VALIDITY), "bit {bit}");
+            context.memory.copy_from_slice(&clean);
+        }
     }
-    assert!(context.output().is_ok());
+    assert!(context.output().is_ok() && context.error_maps().is_ok());
 }
 
 /// Flips a bit of the tile's memory between two calls, while it is prepared and while heights are finished.

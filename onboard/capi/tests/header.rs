@@ -4,7 +4,7 @@
 use cbindgen::{Builder, Config, DocumentationStyle, Language, Style};
 use elunar_capi::status::{FAULT, GOOD, NOTICE, REFUSED, STATUSES, severity};
 use std::fmt::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// The text of the header before its definitions.
 const PREAMBLE: &str = "\
@@ -69,8 +69,13 @@ fn statuses() -> String {
     text
 }
 
+/// Returns the sources of the functions, in the order of the header.
+fn functions() -> impl Iterator<Item = PathBuf> {
+    let source = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name);
+    ["ffi.rs", "ffi/light.rs", "ffi/strip.rs", "ffi/terrain.rs"].map(source).into_iter()
+}
+
 fn generated() -> String {
-    let source = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
     let config = Config {
         language: Language::C,
         style: Style::Type,
@@ -86,8 +91,9 @@ fn generated() -> String {
         line_length: 120,
         ..Config::default()
     };
-    let sources = ["types.rs", "strip/types.rs", "ffi.rs", "ffi/strip.rs"].map(|name| source.join(name));
-    let builder = sources.into_iter().fold(Builder::new().with_config(config), Builder::with_src);
+    let types = ["types.rs", "strip/types.rs"].map(|name| Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name));
+    let sources = types.into_iter().chain(functions());
+    let builder = sources.fold(Builder::new().with_config(config), |builder, source| builder.with_src(source));
     let mut bytes = Vec::new();
     builder.generate().expect("cbindgen").write(&mut bytes);
     String::from_utf8(bytes).unwrap()
@@ -111,14 +117,13 @@ fn the_header_is_up_to_date() {
 #[test]
 fn the_header_has_every_function_and_status() {
     let header = generated();
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let source = ["ffi.rs", "ffi/strip.rs"].map(|name| std::fs::read_to_string(folder.join(name)).unwrap()).concat();
+    let source: String = functions().map(|path| std::fs::read_to_string(path).unwrap()).collect();
     let functions: Vec<&str> = source
         .lines()
         .filter_map(|line| line.split_once("extern \"C\" fn ")?.1.split_once('('))
         .map(|(name, _)| name)
         .collect();
-    assert_eq!(functions.len(), 27, "{functions:?}");
+    assert_eq!(functions.len(), 35, "{functions:?}");
     for name in functions.iter().copied().chain(STATUSES.iter().map(|known| known.name)) {
         assert!(header.contains(name), "{name}");
     }

@@ -2,12 +2,14 @@
 #![allow(unsafe_code)] // C functions
 
 mod common;
+mod reach;
 mod small;
 use common::*;
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use elunar_core::nn::file::{ENTRY_BYTES, OPERATOR_BYTES, TENSOR_BYTES, crc32c, set_word, word};
+use elunar_core::nn::file::{ENTRY_BYTES, OPERATOR_BYTES, TENSOR_BYTES, set_word, word};
+use reach::*;
 use std::collections::BTreeMap;
 use std::ptr::{null, null_mut};
 
@@ -16,113 +18,6 @@ type Case = (eld_status_t, &'static str, fn() -> eld_status_t);
 
 /// Statuses that no test on this machine can reach, with the reason.
 const OUT_OF_REACH: [(eld_status_t, &str); 1] = [(ELD_REFUSED_MODEL_SIZE, "needs a machine of 32 bits")];
-
-fn init(memory: *mut u64, bytes: usize, model: &[u8]) -> eld_status_t {
-    let mut handle = null_mut();
-    // SAFETY: buffers of the test, or refused before they are used.
-    let status = unsafe { ffi::eld_init(memory.cast(), bytes, model.as_ptr().cast(), model.len(), &raw mut handle) };
-    assert_eq!(handle.is_null(), !worked(status));
-    status
-}
-
-/// Returns the status of a changed model, after a check that both validating functions refuse it.
-fn validated(model: &[u8]) -> eld_status_t {
-    let mut memory = vec![7u64; 200_000];
-    let checked = info(model).unwrap_err();
-    assert_eq!(init(memory.as_mut_ptr(), 8 * memory.len(), model), checked);
-    assert!(memory.iter().all(|word| *word == 7), "refused, and yet changed");
-    checked
-}
-
-fn begun() -> Context {
-    let mut context = Context::new(nano());
-    assert_eq!(context.begin(&Tile::golden()), ELD_OK);
-    context
-}
-
-/// Begins the golden tile with a change of the structure.
-fn begin_with(change: impl FnOnce(&mut eld_tile_t)) -> eld_status_t {
-    let (tile, context) = (Tile::golden(), Context::new(nano()));
-    let mut c = tile.c();
-    change(&mut c);
-    // SAFETY: a context and a tile of the test; wrong fields are refused before they are used.
-    unsafe { ffi::eld_begin(context.handle, &c) }
-}
-
-fn begin_tile(change: impl FnOnce(&mut Tile)) -> eld_status_t {
-    let mut tile = Tile::golden();
-    change(&mut tile);
-    Context::new(nano()).begin(&tile)
-}
-
-fn output_of(
-    context: &Context,
-    heights_m: *mut f32,
-    heights_len: usize,
-    valid: *mut u8,
-    valid_len: usize,
-) -> eld_status_t {
-    // SAFETY: a context of the test; the buffers are refused before they are used.
-    unsafe { ffi::eld_output(context.handle, heights_m, heights_len, valid, valid_len) }
-}
-
-/// Returns a tile that is prepared in a context.
-fn preparing() -> (Tile, Context) {
-    let (tile, mut context) = (Tile::golden(), Context::new(nano()));
-    assert_eq!(context.begin_step(&tile.c(), STEP_MACS / 10), ELD_RUNNING);
-    assert_eq!(context.telemetry().phase, ELD_PHASE_PREPARING);
-    (tile, context)
-}
-
-fn finished() -> Context {
-    let mut context = begun();
-    context.finish();
-    context
-}
-
-/// Begins a tile of 2,048 pixels, changed by `change`, with a model of `tests/golden/provoked`.
-fn begin_small(model: &str, change: fn(&mut Tile)) -> (Context, eld_status_t) {
-    // The context outlives this function.
-    let model = std::fs::read(repository().join("tests/golden/provoked").join(model)).unwrap().leak();
-    let mut context = Context::new(model);
-    let mut tile = Tile { valid: None, ..Tile::golden() };
-    tile.image.truncate(32 * 64);
-    tile.coarse_m.truncate(32 * 64);
-    change(&mut tile);
-    let status = context.begin(&tile);
-    (context, status)
-}
-
-/// Returns a model on the heap, whose bytes may change, and its context.
-fn own_model() -> (Vec<u8>, Context) {
-    let model = nano().to_vec();
-    let context = Context::new(&model);
-    (model, context)
-}
-
-/// Sets the word of the context that says "a call is changing the arena", under valid checksums, as after a call that did not return.
-fn interrupt(context: &mut Context) {
-    let copy_bytes = context.head_bytes() / 2;
-    // Behind the magic, in half of the seventh word.
-    let busy = 8 * (1 + 6) + 4;
-    for copy in context.bytes()[..2 * copy_bytes].chunks_mut(copy_bytes) {
-        assert_eq!(copy[busy], 0);
-        copy[busy] = 1;
-        let crc = crc32c(&copy[..copy_bytes - 8]);
-        let seal = u64::from(crc) | u64::from(!crc) << 32;
-        copy[copy_bytes - 8..].copy_from_slice(&seal.to_le_bytes());
-    }
-}
-
-/// Steps until a tile is done or lost; returns the status.
-fn to_the_end(context: &mut Context) -> eld_status_t {
-    loop {
-        match context.step(STEP_MACS) {
-            ELD_RUNNING => {}
-            status => return status,
-        }
-    }
-}
 
 const CASES: &[Case] = &[
     (ELD_OK, "a tile begins", || begin_with(|_| {})),
@@ -169,6 +64,9 @@ const CASES: &[Case] = &[
             none.begin(&Tile::golden()),
             none.begin_step(&Tile::golden().c(), 1),
             none.abort(),
+            none.light_add(&Tile::golden().c(), 1),
+            none.light_decide([0.0; 2]).unwrap_err(),
+            none.light_clear(),
             none.step(1),
             none.output().unwrap_err(),
             none.scrub(1),
@@ -261,11 +159,29 @@ const CASES: &[Case] = &[
         unsafe { ffi::eld_errors(finished().handle, &raw mut out) }
     }),
     (ELD_REFUSED_NO_TILE, "errors before begin", || Context::new(nano()).errors().unwrap_err()),
+    (ELD_REFUSED_NO_TILE, "maps of errors before begin", || Context::new(nano()).error_maps().unwrap_err()),
+    (ELD_REFUSED_NOT_DONE, "maps of errors before done", || begun().error_maps().unwrap_err()),
+    (ELD_REFUSED_BUFFER, "maps of errors too short", || {
+        let (context, mut map) = (finished(), vec![0.0; PX]);
+        // SAFETY: a buffer of the test.
+        unsafe { ffi::eld_error_maps(context.handle, map.as_mut_ptr(), null_mut(), null_mut(), PX - 1) }
+    }),
+    (ELD_REFUSED_OVERLAP, "a map of errors over another", || {
+        let (context, mut map) = (finished(), vec![0.0; PX]);
+        let map = map.as_mut_ptr();
+        // SAFETY: as above.
+        unsafe { ffi::eld_error_maps(context.handle, map, null_mut(), map.cast(), PX) }
+    }),
     (ELD_REFUSED_NOT_DONE, "errors before done", || begun().errors().unwrap_err()),
     (ELD_REFUSED_NO_ERRORS, "errors of a model whose maps are not weighed", || {
         let (mut context, begun) = begin_small("guided.eld", |_| {});
         assert!(worked(begun), "{:?}", text(begun));
         context.finish();
+        let mut origin = vec![0; 32 * 64];
+        // SAFETY: a buffer of the test.
+        let maps =
+            unsafe { ffi::eld_error_maps(context.handle, null_mut(), null_mut(), origin.as_mut_ptr(), origin.len()) };
+        assert_eq!(maps, ELD_REFUSED_NO_ERRORS);
         context.errors().unwrap_err()
     }),
     (ELD_REFUSED_OVERLAP, "counters into the lent memory", || {
@@ -378,9 +294,44 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_TILE_FORMAT, "a gain of NaN", || begin_with(|tile| tile.image.gain = f32::NAN)),
     (ELD_REFUSED_TILE_FORMAT, "an infinite offset", || begin_with(|tile| tile.image.offset = f32::INFINITY)),
+    (ELD_REFUSED_OPTIONS, "terrain maps of nothing", || {
+        let struct_bytes = size_of::<eld_terrain_options_t>() as u32;
+        let options = eld_terrain_options_t { struct_bytes, ..Default::default() };
+        let mut bytes = 0;
+        // SAFETY: structures of the test.
+        unsafe { ffi::eld_terrain_plan(&raw const options, &raw mut bytes) }
+    }),
+    (ELD_NOTICE_NO_LINE, "the first line of a grid", || terrain_calls(Some(1), |_| {})),
+    (ELD_REFUSED_UNFINISHED, "a grid into another", || terrain_calls(None, |_| {})),
+    (ELD_FAULT_LINES, "a line changes", || terrain_calls(Some(2), |memory| *memory.last_mut().unwrap() ^= 4)),
+    (ELD_REFUSED_TILE_LIGHT, "a light that is none", || {
+        let light = eld_lighting_t { struct_bytes: size_of::<eld_lighting_t>() as u32, ..Default::default() };
+        let (tile, mut context) = (Tile::golden(), Context::new(nano()));
+        context.begin_step(&eld_tile_t { light: &raw const light, ..tile.c() }, 1)
+    }),
+    (ELD_FAULT_LIGHT, "the light of the scene changes twice", || {
+        let mut context = Context::new(nano());
+        assert_eq!(context.light_add(&Tile::golden().c(), u64::MAX), ELD_OK);
+        let survey = context.parts().survey;
+        [8 * survey.start + 77, 8 * survey.end - 77].into_iter().for_each(|bit| context.flip(bit));
+        context.light_decide([f32::NAN; 2]).unwrap_err()
+    }),
+    (ELD_REFUSED_TILE_POSTS, "posts and a map", || begin_posts(|tile, _| tile.coarse_len = 1)),
+    (ELD_REFUSED_TILE_POSTS, "no columns of posts", || begin_posts(|_, posts| posts.cols = 0)),
+    (ELD_REFUSED_TILE_POSTS, "half a row of posts", || begin_posts(|_, posts| posts.posts_len -= 1)),
+    (ELD_REFUSED_TILE_POSTS, "no posts", || begin_posts(|_, posts| posts.posts_len = 0)),
+    (ELD_REFUSED_TILE_POSTS, "posts nowhere", || begin_posts(|_, posts| posts.row0 = f64::NAN)),
+    (ELD_REFUSED_NULL, "posts of NULL", || begin_posts(|_, posts| posts.posts_m = null())),
+    (ELD_REFUSED_ALIGNMENT, "odd posts", || begin_posts(|_, posts| posts.posts_m = posts.posts_m.wrapping_byte_add(1))),
+    (ELD_REFUSED_ALIGNMENT, "an odd structure of posts", || {
+        begin_posts(|tile, _| tile.posts = tile.posts.wrapping_byte_add(4))
+    }),
+    (ELD_REFUSED_LENGTH, "endless posts", || begin_posts(|_, posts| posts.posts_len = usize::MAX)),
+    (ELD_REFUSED_TILE_MASKED, "posts without a height", || begin_posts_of(f32::NAN, |_, _| {})),
+    (ELD_REFUSED_TILE_MASKED, "posts far away", || begin_posts(|_, posts| posts.col0 = 1e9)),
     (ELD_REFUSED_TILE_SIZE, "a coarse DTM too long", || begin_tile(|tile| tile.coarse_m.push(0.0))),
     (ELD_REFUSED_TILE_SIZE, "a mask without length", || begin_with(|tile| tile.valid_len = 0)),
-    (ELD_REFUSED_TILE_SIZE, "a network that is neither alone nor not", || begin_with(|tile| tile.network_alone = 2)),
+    (ELD_REFUSED_TILE_OPTION, "a network that is neither alone nor not", || begin_with(|tile| tile.network_alone = 2)),
     (ELD_REFUSED_TILE_MASK, "a mask of 2", || begin_tile(|tile| tile.valid.as_mut().unwrap()[77] = 2)),
     (ELD_REFUSED_TILE_PIXEL, "a pixel without size", || begin_with(|tile| tile.pixel_m = 0.0)),
     (ELD_REFUSED_TILE_PIXEL, "a coarse pixel of NaN", || begin_with(|tile| tile.coarse_px = f32::NAN)),

@@ -121,6 +121,46 @@ fn every_pixel_format_gives_the_heights_of_floats() {
 }
 
 #[test]
+fn posts_give_the_heights_of_the_map_that_they_make() {
+    use elunar_core::posts::PostMap;
+    use elunar_core::samples::Samples;
+    use elunar_core::strip::PostGrid;
+    use elunar_core::tile::Shape;
+    let mut tile = Tile::golden();
+    // Posts 30 pixels apart, with a void; the last row is just short of the tile's edge.
+    let mut posts_m: Vec<f32> = (0..9 * 12).map(|i| -1900.0 + (i * 7919 % 101) as f32).collect();
+    posts_m[4 * 12 + 5] = -3.4e38;
+    let grid = PostGrid::spaced(12, (-7.25, -3.5), (30.0, 29.61));
+    let map = PostMap::new(&posts_m, grid, Shape::new(ROWS, COLS)).unwrap();
+    tile.coarse_m = (0..PX).map(|i| map.at(i)).collect();
+    let voids = tile.coarse_m.iter().filter(|z| z.is_nan()).count();
+    assert!(voids > 1000 && voids < PX / 4, "{voids}");
+    let expected = tile.expected();
+    let posts = posts(&posts_m, grid);
+    let c = eld_tile_t { posts: &raw const posts, coarse_m: std::ptr::null(), coarse_len: 0, ..tile.c() };
+    assert_same(&heights_of(&c), &expected, "at once");
+    let (mut context, mut pieces) = (Context::new(nano()), 0);
+    while context.begin_step(&c, 100_000) == ELD_RUNNING {
+        pieces += 1;
+    }
+    assert!(pieces > 100, "{pieces}");
+    context.finish();
+    assert_same(&context.output().unwrap(), &expected, "in pieces");
+    // Another grid at the same place is another tile.
+    let mut moved = posts;
+    let c = eld_tile_t { posts: &raw const moved, ..c };
+    let begin = |context: &mut Context, dropped: u64| {
+        assert_eq!(context.begin_step(&c, 1), ELD_RUNNING);
+        assert_eq!(context.telemetry().tiles_dropped, dropped);
+    };
+    begin(&mut context, 0);
+    begin(&mut context, 0);
+    // SAFETY: a structure of the test.
+    unsafe { (&raw mut moved.row0).write(posts.row0 + 0.5) };
+    begin(&mut context, 1);
+}
+
+#[test]
 fn codes_count_only_with_their_flags() {
     let tile = Tile::golden();
     let codes = codes(&tile, 255.0);
@@ -291,6 +331,40 @@ fn expected_errors_are_the_cores() {
             "{found:?}"
         );
         assert!((0.0..=1.0).contains(&found.explained) && found.dark_below > 0.0, "{found:?}");
+    }
+}
+
+#[test]
+fn every_height_has_its_errors_and_its_origin() {
+    let (mut dark, level) = (Tile::golden(), Tile { image: vec![50.0; PX], ..Tile::golden() });
+    (0..PX).filter(|i| i % COLS > 200 && i / COLS > 150).for_each(|i| dark.image[i] *= 0.02);
+    let mut seen = Vec::new();
+    for tile in [Tile::golden(), dark, level] {
+        let mut context = Context::new(nano());
+        assert!(worked(context.begin(&tile)));
+        context.finish();
+        let (height_m, slope, origin) = context.error_maps().unwrap();
+        let expected = tile.expected_maps();
+        assert!(bits(&height_m) == bits(&expected.0) && bits(&slope) == bits(&expected.1) && origin == expected.2);
+        let mut alone = vec![9; PX];
+        // SAFETY: a context and a buffer of the test.
+        let status = unsafe {
+            let none = std::ptr::null_mut();
+            ffi::eld_error_maps(context.handle, none, none, alone.as_mut_ptr(), PX)
+        };
+        assert!(status == ELD_OK && alone == origin);
+        seen.extend(origin);
+    }
+    use elunar_core::photoclinometry::Origin;
+    for (code, origin) in [
+        (ELD_ORIGIN_IMAGE, Origin::Image),
+        (ELD_ORIGIN_BLENDED, Origin::Blended),
+        (ELD_ORIGIN_COARSE, Origin::Coarse),
+        (ELD_ORIGIN_SHADOW, Origin::Shadow),
+        (ELD_ORIGIN_VOID, Origin::Void),
+    ] {
+        assert_eq!(code, origin as u8);
+        assert!(seen.contains(&code) || origin == Origin::Blended, "{origin:?}");
     }
 }
 

@@ -36,7 +36,7 @@ typedef struct {
     uint32 ValidPx;      /* of the current tile */
     uint32 TilesWritten;
     uint32 TilesDropped; /* by this application: refused, or given up after three attempts */
-    uint32 ClassifiedPx; /* of the latest tile: pixels whose height and four neighbours are valid */
+    uint32 ClassifiedPx; /* of the latest tile: pixels whose footprint is within the tile and valid */
     uint32 HazardPx;     /* classified pixels that are too steep or too rough */
     uint32 RetryWakeups; /* wakeups until a model that could not be had is tried again; else 0 */
     uint64 Calls;

@@ -30,5 +30,12 @@
 #ifndef ELUNAR_APP_TILE_PX
 #define ELUNAR_APP_TILE_PX (256u * 320u)
 #endif
+/* Columns of the widest tile, and bytes for hazards: 16 KiB hold a footprint of 11 pixels a side (eld_terrain_plan). */
+#ifndef ELUNAR_APP_TILE_COLS
+#define ELUNAR_APP_TILE_COLS 320u
+#endif
+#ifndef ELUNAR_APP_TERRAIN_BYTES
+#define ELUNAR_APP_TERRAIN_BYTES (16u << 10)
+#endif
 
 #endif

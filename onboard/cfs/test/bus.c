@@ -214,7 +214,7 @@ static bool HarmModel(void) {
 
 /* An illegal table is refused. */
 static bool HarmTable(void) {
-    Table.MaxSlope = -1.0f;
+    Table.MaxSlopeDeg = -1.0f;
     if (Validate(&Table) == CFE_SUCCESS) Fail("a bad table is taken");
     Table = ELUNAR_APP_Limits;
     return false;

@@ -4,6 +4,9 @@
 //! the header's rules says which statuses are possible.
 #![allow(unsafe_code)] // C functions
 
+mod errors;
+mod light;
+
 use crate::model::{Reader, mutated, sound_models};
 use elunar_capi::ffi;
 use elunar_capi::status::*;
@@ -57,6 +60,7 @@ enum Phase {
     SelfTest {
         done: bool,
     },
+    Light,
 }
 
 /// A context with its memory, its model and its known state.
@@ -80,6 +84,7 @@ struct Tile {
     image: Vec<f32>,
     coarse_m: Vec<f32>,
     mask: Option<Vec<u8>>,
+    posts: Option<Box<eld_posts_t>>,
     c: eld_tile_t,
 }
 
@@ -113,8 +118,10 @@ impl Tile {
             coarse_len: 0,
             valid: null(),
             valid_len: 0,
+            posts: null(),
+            light: null(),
         };
-        Self { image, coarse_m, mask, c }.pointed()
+        Self { image, coarse_m, mask, posts: None, c }.pointed()
     }
 
     fn pointed(mut self) -> Self {
@@ -128,7 +135,7 @@ impl Tile {
     fn odd(mut self, reader: &mut Reader<'_>, memory: *const u64) -> Self {
         let (how, value) = (reader.byte(), reader.word());
         let (at, float) = (value as usize % self.image.len(), f32::from_bits(reader.word()));
-        match how % 20 {
+        match how % 22 {
             0 => self.c.image.data = null(),
             1 => self.c.coarse_m = self.c.coarse_m.wrapping_byte_add(1 + at % 3),
             2 => self.c.image.data_bytes = reader.size(4 * self.image.len()),
@@ -152,9 +159,21 @@ impl Tile {
                 (self.c.image.format, self.c.image.flags) = (1 + value % 4, value >> 8 & 7);
                 (self.c.image.null_code, self.c.image.saturated_from) = (value >> 16, reader.word() >> 16);
             }
+            19 | 20 => {
+                let (posts_m, most) = (self.coarse_m.as_ptr(), self.coarse_m.len());
+                let [row0, rows_per_line, col0, cols_per_px] = [(); 4].map(|()| match reader.byte() {
+                    255 => f64::from(float),
+                    byte => f64::from(byte) / 16.0 - 4.0,
+                });
+                let (cols, posts_len) = (reader.byte() as usize % 9, at.min(most) + usize::from(how % 22 == 20) % 2);
+                let posts_len = if cols > 0 && value & 1 == 0 { posts_len / cols * cols } else { posts_len };
+                let posts = eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px };
+                self.c.posts = &raw const **self.posts.insert(Box::new(posts));
+                (self.c.coarse_m, self.c.coarse_len) = (null(), 0);
+            }
             _ => self.mask.get_or_insert(vec![1; self.image.len()])[at] = value as u8,
         }
-        if matches!(how % 20, 14 | 19) { self.pointed() } else { self }
+        if matches!(how % 22, 14 | 21) { self.pointed() } else { self }
     }
 }
 
@@ -311,7 +330,7 @@ impl Play<'_> {
 
     /// Does one call on a slot, or damages it.
     fn call(&mut self, mut slot: Slot) -> Option<Slot> {
-        let what = self.reader.byte() % 16;
+        let what = self.reader.byte() % 22;
         let status = match what {
             0 => {
                 // A new context, with an error in the arguments.
@@ -329,8 +348,8 @@ impl Play<'_> {
                 status
             }
             1..=3 => self.begin(&mut slot),
-            4..=7 => self.step(&mut slot),
-            8 => self.output(&mut slot),
+            4..=7 | 17..=19 => self.step(&mut slot),
+            8 | 20..=21 => self.output(&mut slot),
             9 => {
                 let max_bytes = self.reader.size(1 << 16).min(1 << 20);
                 // SAFETY: a context of the test, here and below.
@@ -339,6 +358,7 @@ impl Play<'_> {
             10 => self.self_test(&mut slot),
             11 => self.telemetry(&mut slot),
             12 => return self.nothing_there(slot),
+            16 => self.light(&mut slot),
             _ => return self.damage(slot),
         };
         self.count(status);
@@ -392,6 +412,13 @@ impl Play<'_> {
         } else if worked(status) {
             slot.phase = Phase::Tile { good, done: false };
         }
+        // That no post covers a valid pixel shows only when the tile is prepared; then it is lost.
+        if status == ELD_REFUSED_TILE_MASKED && !tile.posts.is_null() {
+            let mut out = eld_telemetry_t { struct_bytes: size_of::<eld_telemetry_t>() as u32, ..Default::default() };
+            // SAFETY: a context and a structure of the test.
+            let told = unsafe { ffi::eld_telemetry(slot.handle, &raw mut out) };
+            slot.phase = if worked(told) && out.phase == ELD_PHASE_EMPTY { Phase::Empty } else { slot.phase };
+        }
         assert!(budget < u64::MAX || status != ELD_RUNNING, "all work at once");
         status
     }
@@ -406,14 +433,19 @@ impl Play<'_> {
         let status = unsafe { ffi::eld_step(slot.handle, budget) };
         slot.macs = slot.macs.saturating_add(budget.min(slot.info.tile_macs).max(slot.info.largest_unit_macs));
         if slot.whole {
-            assert_eq!(status == ELD_REFUSED_NO_TILE, slot.phase == Phase::Empty, "{:?}", text(status));
+            assert_eq!(
+                status == ELD_REFUSED_NO_TILE,
+                matches!(slot.phase, Phase::Empty | Phase::Light),
+                "{:?}",
+                text(status)
+            );
             let preparing = matches!(slot.phase, Phase::Preparing { .. });
             assert_eq!(status == ELD_REFUSED_NOT_BEGUN, preparing, "{:?}", text(status));
         }
         let finished = worked(status) && status != ELD_RUNNING;
         match &mut slot.phase {
             Phase::Tile { done, .. } | Phase::SelfTest { done } => *done |= finished,
-            Phase::Empty | Phase::Preparing { .. } => {}
+            Phase::Empty | Phase::Light | Phase::Preparing { .. } => {}
         }
         status
     }
@@ -422,7 +454,7 @@ impl Play<'_> {
         let found = slot.heights();
         if slot.whole {
             match (slot.phase, found) {
-                (Phase::Empty, found) => assert_eq!(found, Err(ELD_REFUSED_NO_TILE)),
+                (Phase::Empty | Phase::Light, found) => assert_eq!(found, Err(ELD_REFUSED_NO_TILE)),
                 (Phase::SelfTest { .. }, found) => assert_eq!(found, Err(ELD_REFUSED_OTHER_TILE)),
                 (Phase::Preparing { .. } | Phase::Tile { done: false, .. }, found) => {
                     assert_eq!(found, Err(ELD_REFUSED_NOT_DONE))
@@ -477,6 +509,7 @@ impl Play<'_> {
             let phase = match slot.phase {
                 Phase::Empty => ELD_PHASE_EMPTY,
                 Phase::Preparing { .. } => ELD_PHASE_PREPARING,
+                Phase::Light => ELD_PHASE_LIGHT,
                 Phase::Tile { done, .. } => ELD_PHASE_TILE + done as u32,
                 Phase::SelfTest { done } => ELD_PHASE_SELF_TEST + done as u32,
             };
@@ -484,16 +517,6 @@ impl Play<'_> {
         }
         self.errors(slot);
         status
-    }
-
-    fn errors(&mut self, slot: &mut Slot) {
-        let mut out = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
-        // SAFETY: a context and a structure of the test.
-        let status = unsafe { ffi::eld_errors(slot.handle, &raw mut out) };
-        self.count(status);
-        if slot.whole && worked(status) {
-            assert!(matches!(slot.phase, Phase::Tile { done: true, .. }) && !out.explained.is_nan(), "{out:?}");
-        }
     }
 
     /// Calls with invalid pointers.
@@ -516,12 +539,20 @@ impl Play<'_> {
                 ffi::eld_init(null_mut(), len, null(), len, null_mut()),
                 ffi::eld_telemetry(slot.handle, null_mut()),
                 ffi::eld_errors(slot.handle, null_mut()),
+                ffi::eld_error_maps(null_mut(), short.as_mut_ptr(), null_mut(), null_mut(), px),
+                ffi::eld_error_maps(
+                    handle,
+                    short.as_mut_ptr(),
+                    null_mut(),
+                    null_mut(),
+                    if len == px { 0 } else { len },
+                ),
                 ffi::eld_kernel_name(short.as_mut_ptr().cast(), len.min(4 * px)),
             ]
         };
         for (number, status) in statuses.into_iter().enumerate() {
             self.count(status);
-            assert!(number == 11 || !worked(status), "call {number}: {:?}", text(status));
+            assert!(number == 13 || !worked(status), "call {number}: {:?}", text(status));
         }
         slot.guarded();
         Some(slot)

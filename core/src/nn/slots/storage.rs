@@ -53,7 +53,6 @@ impl core::error::Error for StorageError {}
 /// Power may fail at any moment. A write that was cut leaves part of its bytes written, and the current byte may have any value. An erasure
 /// that was cut leaves any values in the sector. Nothing else may change. The reports of a driver are not trusted: written bytes are read
 /// back.
-/// the sector may hold anything. Nothing else may change. What a driver reports is not believed: what was written is read again.
 pub trait Storage {
     /// Returns the current bytes of a region; its length never changes and is a multiple of [`Self::sector_bytes`].
     fn bytes(&self, region: Region) -> &[u8];

@@ -40,7 +40,11 @@ impl LineOptions {
         self.radius_px.saturating_mul(2).saturating_add(1)
     }
 
-    fn check(&self) -> Result<(), TerrainError> {
+    /// Validates the settings.
+    ///
+    /// # Errors
+    /// [`TerrainError::Radius`], [`TerrainError::Pixel`], or [`TerrainError::Length`] if there are no columns.
+    pub fn check(&self) -> Result<(), TerrainError> {
         if !(1..=MAX_RADIUS_PX).contains(&self.radius_px) {
             return Err(TerrainError::Radius { found_px: self.radius_px });
         }
@@ -84,6 +88,17 @@ impl LineMaps<'_> {
     }
 }
 
+/// The position of paused [`TerrainLines`]; their memory holds the rest.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct LinesPaused {
+    /// Number of lines of the grid that were pushed.
+    pub taken: u64,
+    /// Number of lines that were returned.
+    pub given: u64,
+    /// Whether [`TerrainLines::finish`] returns the remaining ones.
+    pub finishing: bool,
+}
+
 /// Terrain maps of a DTM whose lines come one at a time, north first. It returns as many lines as it takes.
 ///
 /// A line is returned r lines after it was pushed, the last ones by [`Self::finish`]. Edges follow the rule of the whole-grid functions:
@@ -123,10 +138,7 @@ pub struct TerrainLines<'m> {
     light: SunVector,
     /// The last 2r + 1 lines; line k is in place k mod (2r + 1). The errors of their slopes follow.
     memory: &'m mut [f32],
-    /// Number of lines pushed, and number of lines returned.
-    taken: u64,
-    given: u64,
-    finishing: bool,
+    at: LinesPaused,
 }
 
 impl<'m> TerrainLines<'m> {
@@ -141,7 +153,24 @@ impl<'m> TerrainLines<'m> {
             return Err(TerrainError::Length(LengthError { expected, found }));
         }
         let memory = head_mut(memory, expected);
-        Ok(Self { options, light: SunVector::of(options.sun), memory, taken: 0, given: 0, finishing: false })
+        Ok(Self { options, light: SunVector::of(options.sun), memory, at: LinesPaused::default() })
+    }
+
+    /// Returns the position. With it and unchanged memory, the lines can be resumed.
+    #[must_use]
+    pub fn pause(&self) -> LinesPaused {
+        self.at
+    }
+
+    /// Resumes paused lines with the memory that they used. Any position is harmless; one that does not exist stands for a new grid.
+    ///
+    /// # Errors
+    /// As [`Self::new`].
+    pub fn resume(options: LineOptions, memory: &'m mut [f32], paused: LinesPaused) -> Result<Self, TerrainError> {
+        let lines = Self::new(options, memory)?;
+        let waiting = paused.taken.checked_sub(paused.given).filter(|_| paused.taken < u64::MAX);
+        let exists = waiting.is_some_and(|lines| lines <= options.radius_px as u64);
+        Ok(Self { at: if exists { paused } else { LinesPaused::default() }, ..lines })
     }
 
     /// Takes the next line: `cols` heights in metres, NaN or a special value of [`crate::mask`] for voids. If there is a line whose window
@@ -166,16 +195,16 @@ impl<'m> TerrainLines<'m> {
         slope_sd: &[f32],
         maps: &mut LineMaps<'_>,
     ) -> Result<Option<u64>, TerrainError> {
-        if self.finishing && self.given < self.taken {
-            return Err(TerrainError::Unfinished { lines: self.taken - self.given });
+        if self.at.finishing && self.at.given < self.at.taken {
+            return Err(TerrainError::Unfinished { lines: self.at.taken - self.at.given });
         }
         same_length(self.options.cols, line_m.len())?;
         same_length(if slope_sd.is_empty() { 0 } else { self.options.cols }, slope_sd.len())?;
         maps.check(self.options.cols)?;
-        if self.finishing {
+        if self.at.finishing {
             self.restart();
         }
-        let at = self.place(self.taken);
+        let at = self.place(self.at.taken);
         copy(part_mut(self.memory, at, self.options.cols), line_m);
         if self.options.limits.sigmas() > 0.0 {
             let errors = part_mut(self.memory, self.options.heights_len().saturating_add(at), self.options.cols);
@@ -184,8 +213,8 @@ impl<'m> TerrainLines<'m> {
                 slope_sd => copy(errors, slope_sd),
             }
         }
-        self.taken += 1;
-        if self.taken - self.given <= self.options.radius_px as u64 {
+        self.at.taken += 1;
+        if self.at.taken - self.at.given <= self.options.radius_px as u64 {
             return Ok(None);
         }
         Ok(Some(self.give(maps)))
@@ -197,8 +226,8 @@ impl<'m> TerrainLines<'m> {
     /// [`TerrainError::Length`] for a map of another length; nothing is changed then.
     pub fn finish(&mut self, maps: &mut LineMaps<'_>) -> Result<Option<u64>, TerrainError> {
         maps.check(self.options.cols)?;
-        self.finishing = self.given < self.taken;
-        if self.finishing {
+        self.at.finishing = self.at.given < self.at.taken;
+        if self.at.finishing {
             return Ok(Some(self.give(maps)));
         }
         self.restart();
@@ -206,7 +235,7 @@ impl<'m> TerrainLines<'m> {
     }
 
     fn restart(&mut self) {
-        (self.taken, self.given, self.finishing) = (0, 0, false);
+        self.at = LinesPaused::default();
     }
 
     /// Returns the index in memory of a line's first sample.
@@ -216,11 +245,11 @@ impl<'m> TerrainLines<'m> {
 
     /// Writes the maps of the next line to be returned, and returns its number.
     fn give(&mut self, maps: &mut LineMaps<'_>) -> u64 {
-        let (row, radius_px) = (self.given, self.options.radius_px);
+        let (row, radius_px) = (self.at.given, self.options.radius_px);
         let mut lines: [&[f32]; MAX_SIDE] = [&[]; MAX_SIDE];
         for (i, line) in lines.iter_mut().take(self.options.side()).enumerate() {
             // Empty above the first line and below the last one.
-            let there = (row + i as u64).checked_sub(radius_px as u64).filter(|there| *there < self.taken);
+            let there = (row + i as u64).checked_sub(radius_px as u64).filter(|there| *there < self.at.taken);
             *line = there.map_or(&[], |there| part(self.memory, self.place(there), self.options.cols));
         }
         let errors = match self.options.limits.sigmas() > 0.0 {
@@ -228,7 +257,7 @@ impl<'m> TerrainLines<'m> {
             false => &[],
         };
         self.fill(head(&lines, self.options.side()), errors, maps);
-        self.given += 1;
+        self.at.given += 1;
         row
     }
 

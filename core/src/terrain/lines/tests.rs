@@ -270,3 +270,49 @@ fn unsure_slopes_are_hazards_where_they_are_unsure() {
     assert_eq!([hazards[4], hazards[5], hazards[6]], [[U, U, 0, 0, U, U], [U, U, M, M, U, U], [U, U, 0, 0, U, U]]);
     assert!(matches!(lines.push_with(&[100.0; 6], &[0.0; 5], &mut LineMaps::default()), Err(TerrainError::Length(_))));
 }
+
+#[test]
+fn lines_that_are_paused_between_two_calls_are_the_same() {
+    let options = LineOptions {
+        cols: 9,
+        pixel: PixelSize::square(2.0),
+        radius_px: 2,
+        sun: Sun::default(),
+        limits: HazardLimits::new(10.0, 0.3).unwrap().with_sigmas(1.0).unwrap(),
+    };
+    let grid: Vec<f32> = (0..9 * 11).map(|i| (i * 7919 % 13) as f32 * 0.2).collect();
+    let maps = |paused: bool| {
+        let mut memory = vec![0.0; options.memory_len()];
+        let (mut at, mut all, mut mask) = (LinesPaused::default(), Vec::new(), [0; 9]);
+        let mut lines = grid.chunks(9);
+        loop {
+            let mut terrain = TerrainLines::resume(options, &mut memory, at).unwrap();
+            // One line per life if it is paused; all in one otherwise.
+            loop {
+                let mut out = LineMaps { hazard: &mut mask, ..LineMaps::default() };
+                let (given, ended) = match lines.next() {
+                    Some(line) => (terrain.push_with(line, &[0.05; 9], &mut out).unwrap(), false),
+                    None => terrain.finish(&mut out).map(|given| (given, given.is_none())).unwrap(),
+                };
+                if let Some(row) = given {
+                    all.push((row, mask));
+                }
+                at = terrain.pause();
+                if ended {
+                    assert_eq!(at, LinesPaused::default());
+                    return all;
+                }
+                if paused {
+                    break;
+                }
+            }
+        }
+    };
+    assert_eq!(maps(true), maps(false));
+    // Positions that do not exist begin a grid.
+    let mut memory = vec![0.0; options.memory_len()];
+    for (taken, given) in [(1, 2), (9, 6), (u64::MAX, u64::MAX), (u64::MAX, 0)] {
+        let lines = TerrainLines::resume(options, &mut memory, LinesPaused { taken, given, finishing: true }).unwrap();
+        assert_eq!(lines.pause(), LinesPaused::default());
+    }
+}

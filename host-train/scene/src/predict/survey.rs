@@ -40,9 +40,7 @@ impl Survey {
     /// Returns the scene's light for a network that expects `illumination`. Unknown parts of the Sun's direction are those of the fit.
     #[must_use]
     pub fn lighting(&self, illumination: Illumination, sun: KnownSun) -> Lighting {
-        // As for a single tile: other networks have no memory for the axis.
-        let fit = if illumination.is_guided() { self.light } else { self.light.with_axis(None) };
-        Lighting::decide(illumination, sun, &fit)
+        Lighting::decide(illumination, sun, &self.light)
     }
 
     /// Returns the light of a run, as [`super::Scene::light_for`] does, from a survey that was made before.

@@ -1,6 +1,8 @@
 //! The functions of strips for C. What [`super`] says holds for them.
 
-use super::{ALIGN_BYTES, apart, bytes_of, form_of, slice, slice_mut, span, status_of, structure};
+use super::ALIGN_BYTES;
+use super::pointers::*;
+use super::tile::form_of;
 use crate::context::Outcome;
 use crate::info;
 use crate::status::*;

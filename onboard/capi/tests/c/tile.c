@@ -1,7 +1,8 @@
 /* Runs two tiles in two contexts, in turn step by step: tile MODEL FOLDER OUT
  *
  * FOLDER contains image.f32, coarse_m.f32 and valid.u8 (see tests/golden/flight_tile). OUT gets the heights of the first tile, then its
- * validity bytes, then the heights of the second tile, which is the first one upside down. C99 and C++17.
+ * validity bytes, the expected errors of its heights and slopes, their origins; then the heights of the second tile, which is the first
+ * one upside down. C99 and C++17.
  */
 #include "files.h"
 
@@ -26,7 +27,8 @@ int main(int argc, char **argv) {
     eld_context_t *contexts[2];
     void *memory[2];
     float *heights_m[2];
-    uint8_t *valid;
+    float *error_m, *slope;
+    uint8_t *valid, *origin;
     eld_telemetry_t telemetry;
     char kernel[64];
     FILE *out;
@@ -72,6 +74,10 @@ int main(int argc, char **argv) {
     valid = (uint8_t *)malloc(px);
     check("output", eld_output(contexts[0], heights_m[0], px, valid, px));
     check("output", eld_output(contexts[1], heights_m[1], px, NULL, 0));
+    error_m = (float *)malloc(px * sizeof(float));
+    slope = (float *)malloc(px * sizeof(float));
+    origin = (uint8_t *)malloc(px);
+    check("errors", eld_error_maps(contexts[0], error_m, slope, origin, px));
 
     telemetry.struct_bytes = sizeof telemetry;
     check("telemetry", eld_telemetry(contexts[0], &telemetry));
@@ -83,6 +89,8 @@ int main(int argc, char **argv) {
 
     out = fopen(argv[3], "wb");
     if (out == NULL || fwrite(heights_m[0], sizeof(float), px, out) != px || fwrite(valid, 1, px, out) != px ||
+        fwrite(error_m, sizeof(float), px, out) != px || fwrite(slope, sizeof(float), px, out) != px ||
+        fwrite(origin, 1, px, out) != px ||
         fwrite(heights_m[1], sizeof(float), px, out) != px || fclose(out) != 0) {
         fail(argv[3], "cannot be written");
     }

@@ -15,7 +15,17 @@ pub(crate) fn compiler(language: &str) -> Command {
     let (variable, default) = if language.starts_with("c++") { ("CXX", "c++") } else { ("CC", "cc") };
     let mut command = Command::new(std::env::var_os(variable).unwrap_or_else(|| default.into()));
     let kind = if language.starts_with("c++") { "c++" } else { "c" };
-    command.args(["-x", kind, &format!("-std={language}"), "-Wall", "-Wextra", "-pedantic", "-Werror", "-I"]);
+    command.args([
+        "-x",
+        kind,
+        &format!("-std={language}"),
+        "-Wall",
+        "-Wextra",
+        "-Wpedantic",
+        "-Wconversion",
+        "-Werror",
+        "-I",
+    ]);
     command.arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("include"));
     command
 }

@@ -4,9 +4,11 @@
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
+use elunar_core::job::LightSurvey;
 use elunar_core::nn::file::{seal_file, u32_at};
-use elunar_core::photoclinometry::ExpectedErrors;
+use elunar_core::photoclinometry::{Errors, ExpectedErrors, Origin};
 use elunar_core::samples::is_set;
+use elunar_core::strip::PostGrid;
 use elunar_core::{KnownSun, Model, Progress, Runner, TileInput, TileJob, TileLight, TileMemory, TileRules, required};
 use std::io::Write;
 use std::ops::Range;
@@ -92,6 +94,8 @@ impl Tile {
             coarse_len: self.coarse_m.len(),
             valid: self.valid.as_ref().map_or(std::ptr::null(), |mask| mask.as_ptr()),
             valid_len: self.valid.as_ref().map_or(0, Vec::len),
+            posts: std::ptr::null(),
+            light: std::ptr::null(),
         }
     }
 
@@ -130,6 +134,18 @@ impl Tile {
     }
 }
 
+impl Tile {
+    /// Returns the expected errors of every height, and its origin, from those of the tile and its image, as the ground writes them.
+    pub(crate) fn expected_maps(&self) -> ErrorMaps {
+        let (_, valid, expected) = self.expected_with_errors();
+        let at = |i: usize| if valid[i] == 1 { expected.at(self.image[i]) } else { Errors::VOID };
+        let all: Vec<Errors> = (0..PX).map(at).collect();
+        let origin = |e: &Errors| Origin::of(e.explained, e.dark) as u8;
+        let (height_m, slope) = (all.iter().map(|e| e.height_m), all.iter().map(|e| e.slope));
+        (height_m.collect(), slope.collect(), all.iter().map(origin).collect())
+    }
+}
+
 /// Returns floats as pixels for C.
 pub(crate) fn floats(map: &[f32]) -> eld_pixels_t {
     eld_pixels_t {
@@ -143,6 +159,12 @@ pub(crate) fn floats(map: &[f32]) -> eld_pixels_t {
         null_code: 0,
         saturated_from: 0,
     }
+}
+
+/// Returns posts for C.
+pub(crate) fn posts(posts_m: &[f32], grid: PostGrid) -> eld_posts_t {
+    let PostGrid { cols, row0, rows_per_line, col0, cols_per_px } = grid;
+    eld_posts_t { posts_m: posts_m.as_ptr(), posts_len: posts_m.len(), cols, row0, rows_per_line, col0, cols_per_px }
 }
 
 /// Returns the bits of floats, for exact comparison.
@@ -159,10 +181,15 @@ pub(crate) fn info(model: &[u8]) -> Result<eld_model_info_t, eld_status_t> {
     if status == ELD_OK { Ok(info) } else { Err(status) }
 }
 
+/// Expected errors of heights and slopes, and origins.
+pub(crate) type ErrorMaps = (Vec<f32>, Vec<f32>, Vec<u8>);
+
 /// Byte ranges of the lent memory of nano, behind the context.
 pub(crate) struct Parts {
     pub(crate) job: Range<usize>,
+    pub(crate) survey: Range<usize>,
     pub(crate) valid: Range<usize>,
+    pub(crate) dark: Range<usize>,
     pub(crate) coarse: Range<usize>,
     pub(crate) scratch: Range<usize>,
     pub(crate) lines: Range<usize>,
@@ -213,6 +240,25 @@ impl Context {
         unsafe { ffi::eld_begin_step(self.handle, tile, budget_macs) }
     }
 
+    /// Adds a tile to the light of the scene.
+    pub(crate) fn light_add(&mut self, tile: &eld_tile_t, budget_macs: u64) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_light_add(self.handle, tile, budget_macs) }
+    }
+
+    pub(crate) fn light_decide(&mut self, [azimuth, elevation]: [f32; 2]) -> Result<eld_lighting_t, eld_status_t> {
+        let struct_bytes = size_of::<eld_lighting_t>() as u32;
+        let mut out = eld_lighting_t { struct_bytes, ..eld_lighting_t::default() };
+        // SAFETY: as above.
+        let status = unsafe { ffi::eld_light_decide(self.handle, azimuth, elevation, &raw mut out) };
+        if worked(status) { Ok(out) } else { Err(status) }
+    }
+
+    pub(crate) fn light_clear(&mut self) -> eld_status_t {
+        // SAFETY: as above.
+        unsafe { ffi::eld_light_clear(self.handle) }
+    }
+
     pub(crate) fn abort(&mut self) -> eld_status_t {
         // SAFETY: as above.
         unsafe { ffi::eld_abort(self.handle) }
@@ -245,6 +291,18 @@ impl Context {
         // SAFETY: as above.
         let status = unsafe { ffi::eld_errors(self.handle, &raw mut out) };
         if worked(status) { Ok(out) } else { Err(status) }
+    }
+
+    /// Returns the expected errors of heights and slopes, and the origins.
+    pub(crate) fn error_maps(&mut self) -> Result<ErrorMaps, eld_status_t> {
+        let (mut height_m, mut slope, mut origin) = (vec![-1.0f32; PX], vec![-1.0f32; PX], vec![99u8; PX]);
+        // SAFETY: as above.
+        let status = unsafe {
+            ffi::eld_error_maps(self.handle, height_m.as_mut_ptr(), slope.as_mut_ptr(), origin.as_mut_ptr(), PX)
+        };
+        let kept = height_m.iter().chain(&slope).all(|v| *v == -1.0) && origin.iter().all(|o| *o == 99);
+        assert!(worked(status) || kept, "refused, and yet written");
+        if worked(status) { Ok((height_m, slope, origin)) } else { Err(status) }
     }
 
     pub(crate) fn scrub(&mut self, max_bytes: usize) -> eld_status_t {
@@ -289,9 +347,11 @@ impl Context {
         Parts {
             job: next(2 * 8 * (TileJob::WORDS + 2)),
             valid: next(TileMemory::valid_len(tile)),
+            dark: next(TileMemory::valid_len(tile)),
             coarse: next(4 * tile.pixels()),
             scratch: next(4 * TileMemory::scratch_len(&rules, tile)),
             lines: next(8 * TileMemory::lines_len(tile)),
+            survey: next(2 * 8 * (LightSurvey::WORDS + 2)),
             arena: next(required(&model)),
         }
     }

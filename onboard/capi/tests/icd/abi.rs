@@ -31,7 +31,7 @@ fn every_function_of_the_header_has_its_section_and_every_section_its_function()
         let heading = if *name == "eld_format_version" { "`eld_version`" } else { &format!("`{name}`") };
         let text = section(&page, heading);
         assert!(
-            ["Constant", "Budget", "Tile", "File"].iter().any(|class| text.contains(class)),
+            ["Constant", "Budget", "Line", "Tile", "File"].iter().any(|class| text.contains(class)),
             "{name}: no timing class"
         );
         let silent = ["eld_version", "eld_format_version", "eld_status_text"].contains(name);
@@ -116,6 +116,35 @@ fn structures_are_laid_out_as_described() {
     let errors =
         layout!(eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below });
     compare_layout("eld_errors_t", &errors, size_of::<eld_errors_t>(), 1);
+    let lighting = layout!(eld_lighting_t {
+        struct_bytes,
+        source,
+        east,
+        south,
+        trust,
+        related,
+        long_share,
+        log_strength_sd,
+        azimuth_sd_deg,
+    });
+    compare_layout("eld_lighting_t", &lighting, size_of::<eld_lighting_t>(), 1);
+    let options = layout!(eld_terrain_options_t {
+        struct_bytes,
+        cols,
+        radius_px,
+        row_m,
+        col_m,
+        slope_deg,
+        roughness_m,
+        sigmas,
+        sun_azimuth_deg,
+        sun_elevation_deg,
+    });
+    compare_layout("eld_terrain_options_t", &options, size_of::<eld_terrain_options_t>(), 1);
+}
+
+#[test]
+fn counters_are_laid_out_as_described() {
     let telemetry = layout!(eld_telemetry_t {
         struct_bytes,
         phase,
@@ -210,7 +239,11 @@ fn the_tile_is_laid_out_as_described_on_32_bits_too() {
         coarse_len,
         valid,
         valid_len,
+        posts,
+        light,
     });
+    let posts = layout!(eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px });
+    compare_layout("eld_posts_t", &posts, size_of::<eld_posts_t>(), 2);
     compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>(), 2);
     // On 32 bits all fields have four bytes, and the image nine of them.
     let narrow = |name: &str| table(section(&page(), name)).iter().map(|row| number(&row[1])).collect::<Vec<u64>>();
@@ -218,6 +251,12 @@ fn the_tile_is_laid_out_as_described_on_32_bits_too() {
     let image = tile.iter().position(|field| field.1 == "image").unwrap();
     let expected = (0..tile.len()).map(|i| 4 * (i + if i > image { pixels.len() - 1 } else { 0 }) as u64);
     assert_eq!(narrow("`eld_tile_t`"), expected.collect::<Vec<_>>());
+    let maps =
+        layout!(eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard });
+    compare_layout("eld_terrain_maps_t", &maps, size_of::<eld_terrain_maps_t>(), 2);
+    assert_eq!(narrow("`eld_terrain_maps_t`"), [0, 4, 8, 12, 16, 20]);
+    // Three fields of four bytes, then doubles, which are aligned to eight.
+    assert_eq!(narrow("`eld_posts_t`"), [0, 4, 8, 16, 24, 32, 40]);
     assert!(page().contains(&format!(
         "version {}.{}.{} (`ELD_VERSION`",
         ELD_VERSION >> 16,

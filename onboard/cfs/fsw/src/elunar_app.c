@@ -13,8 +13,8 @@ static bool InLimits(float Value, float Low, float High) {
 /* Validates a table before table services activate it. */
 static int32 ValidateTable(void *TblPtr) {
     const ELUNAR_APP_Table_t *Table = TblPtr;
-    bool                      Good  = Table->StepBudgetMacs > 0 && Table->ScrubBytes > 0 && InLimits(Table->MaxSlope, 1e-3f, 100.0f) &&
-                InLimits(Table->MaxRoughnessM, 1e-3f, 1000.0f) && InLimits(Table->MinSunElevationDeg, 0.0f, 90.0f) &&
+    bool                      Good  = Table->StepBudgetMacs > 0 && Table->ScrubBytes > 0 && ELUNAR_APP_FootprintFits(Table) &&
+                InLimits(Table->MinSunElevationDeg, 0.0f, 90.0f) &&
                 InLimits(Table->MaxSunElevationDeg, 0.0f, 90.0f) && Table->MinSunElevationDeg < Table->MaxSunElevationDeg;
     if (!Good) {
         CFE_EVS_SendEvent(ELUNAR_APP_TBL_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: table refused: a limit is out of range");

@@ -63,8 +63,10 @@ const char *ELUNAR_APP_ReadFile(const char *Path, void *To, size_t MaxBytes, siz
 /* Returns false, with an event, if a file cannot be written completely; then it is removed. */
 bool ELUNAR_APP_WriteFile(const char *Path, const void *First, size_t FirstBytes, const void *Second, size_t SecondBytes);
 
-/* elunar_app_hazard.c: counts the pixels whose height and four neighbours are valid, and those of them that are too steep or too rough. */
-void ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
-                             float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx);
+/* elunar_app_hazard.c: returns whether the footprint of the table fits the memory for it, and all limits are legal. */
+bool ELUNAR_APP_FootprintFits(const ELUNAR_APP_Table_t *Limits);
+/* Counts the pixels whose footprint is known, and those of them that are too steep or too rough. */
+eld_status_t ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
+                                     float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx);
 
 #endif

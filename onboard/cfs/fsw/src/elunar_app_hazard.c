@@ -1,31 +1,75 @@
-/* ELUNAR_APP: slope and roughness of a tile against the limits of the table.
- *
- *     slope      = |((right - left), (below - above))| / (2 pixel)        compared as squares
- *     roughness  = |height - (left + right + above + below) / 4|
- *
- * A pixel at the edge, or next to an invalid height, is not classified. This is an example of the use of heights by a lander, not a
- * proposed method. */
+/* ELUNAR_APP: hazards of a tile against the limits of the table, by the terrain maps of the library: slope and roughness of the vehicle's
+ * footprint around every pixel. */
 #include "elunar_app.h"
 
-static bool Hazard(const ELUNAR_APP_Table_t *Limits, const float *At, uint32 Cols, float PixelM) {
-    const float Left = At[-1], Right = At[1], Above = At[-(ptrdiff_t)Cols], Below = At[Cols];
-    const float Dx = (Right - Left) / (2.0f * PixelM), Dy = (Below - Above) / (2.0f * PixelM);
-    const float Rough = At[0] - 0.25f * (Left + Right + Above + Below);
-    return Dx * Dx + Dy * Dy > Limits->MaxSlope * Limits->MaxSlope || Rough > Limits->MaxRoughnessM || -Rough > Limits->MaxRoughnessM;
+#include <math.h>
+#include <string.h>
+
+static uint64_t Memory[(ELUNAR_APP_TERRAIN_BYTES + 7u) / 8u];
+static float    Line[ELUNAR_APP_TILE_COLS];
+static uint8_t  Hazard[ELUNAR_APP_TILE_COLS];
+
+static eld_terrain_options_t Options(const ELUNAR_APP_Table_t *Limits, uint32 Cols, float PixelM) {
+    eld_terrain_options_t Asked;
+    memset(&Asked, 0, sizeof Asked);
+    Asked.struct_bytes = sizeof Asked;
+    Asked.cols         = Cols;
+    Asked.radius_px    = Limits->FootprintRadiusPx;
+    Asked.row_m        = PixelM;
+    Asked.col_m        = PixelM;
+    Asked.slope_deg    = Limits->MaxSlopeDeg;
+    Asked.roughness_m  = Limits->MaxRoughnessM;
+    return Asked;
 }
 
-void ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
-                             float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx) {
-    uint32 Row, Col;
+bool ELUNAR_APP_FootprintFits(const ELUNAR_APP_Table_t *Limits) {
+    const eld_terrain_options_t Asked = Options(Limits, ELUNAR_APP_TILE_COLS, 1.0f);
+    uint64_t                    Bytes = 0;
+    return eld_terrain_plan(&Asked, &Bytes) == ELD_OK && Bytes <= sizeof Memory;
+}
+
+/* Adds up a line of the map. */
+static void Count(uint32 Cols, uint32 *ClassifiedPx, uint32 *HazardPx) {
+    uint32 Col;
+    for (Col = 0; Col < Cols; Col++) {
+        *ClassifiedPx += (Hazard[Col] & ELD_HAZARD_UNKNOWN) == 0 ? 1u : 0u;
+        *HazardPx += Hazard[Col] != 0 && (Hazard[Col] & ELD_HAZARD_UNKNOWN) == 0 ? 1u : 0u;
+    }
+}
+
+eld_status_t ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const float *HeightsM, const uint8 *Valid, uint32 Rows, uint32 Cols,
+                                     float PixelM, uint32 *ClassifiedPx, uint32 *HazardPx) {
+    const eld_terrain_options_t Asked = Options(Limits, Cols, PixelM);
+    eld_terrain_maps_t          Maps;
+    eld_terrain_t              *Terrain = NULL;
+    eld_status_t                Status;
+    uint64_t                    Row;
+    uint32                      Next = 0, Col;
     *ClassifiedPx = 0;
-    *HazardPx = 0;
-    for (Row = 1; Row + 1 < Rows; Row++) {
-        for (Col = 1; Col + 1 < Cols; Col++) {
-            const size_t i = (size_t)Row * Cols + Col;
-            if (Valid[i] && Valid[i - 1] && Valid[i + 1] && Valid[i - Cols] && Valid[i + Cols]) {
-                (*ClassifiedPx)++;
-                *HazardPx += Hazard(Limits, HeightsM + i, Cols, PixelM) ? 1u : 0u;
+    *HazardPx     = 0;
+    if (Cols > ELUNAR_APP_TILE_COLS) {
+        return ELD_REFUSED_BUFFER;
+    }
+    memset(&Maps, 0, sizeof Maps);
+    Maps.struct_bytes = sizeof Maps;
+    Maps.hazard       = Hazard;
+    Status            = eld_terrain_init(Memory, sizeof Memory, &Asked, &Terrain);
+    while (ELD_WORKED(Status)) {
+        if (Next < Rows) {
+            for (Col = 0; Col < Cols; Col++) {
+                Line[Col] = Valid[(size_t)Next * Cols + Col] ? HeightsM[(size_t)Next * Cols + Col] : NAN;
+            }
+            Status = eld_terrain_push(Terrain, Line, NULL, Cols, &Maps, &Row);
+            Next++;
+        } else {
+            Status = eld_terrain_finish(Terrain, &Maps, &Row);
+            if (Status == ELD_NOTICE_NO_LINE) {
+                return ELD_OK;
             }
         }
+        if (ELD_WORKED(Status) && Status != ELD_NOTICE_NO_LINE) {
+            Count(Cols, ClassifiedPx, HazardPx);
+        }
     }
+    return Status;
 }

@@ -92,7 +92,7 @@ static void Take(void) {
     if (!ELUNAR_APP_Tell(service_take(Service, HeightsM, Valid)) || Service->state != SERVICE_IDLE) {
         return;
     }
-    ELUNAR_APP_CountHazards(&ELUNAR_APP_Data.Limits, HeightsM, Valid, Rows, Cols, PixelM, &Hk->ClassifiedPx, &Hk->HazardPx);
+    ELUNAR_APP_Tell(ELUNAR_APP_CountHazards(&ELUNAR_APP_Data.Limits, HeightsM, Valid, Rows, Cols, PixelM, &Hk->ClassifiedPx, &Hk->HazardPx));
     if (ELUNAR_APP_WriteFile(ELUNAR_APP_Data.OutputFile, HeightsM, (size_t)Rows * Cols * sizeof HeightsM[0], Valid, (size_t)Rows * Cols)) {
         Hk->TilesWritten++;
         CFE_EVS_SendEvent(ELUNAR_APP_HEIGHTS_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: %s written, %lu of %lu pixels are hazards",

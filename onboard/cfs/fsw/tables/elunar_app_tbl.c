@@ -5,8 +5,9 @@
 ELUNAR_APP_Table_t ELUNAR_APP_Limits = {
     .StepBudgetMacs     = 5000000,
     .ScrubBytes         = 16384,
-    .MaxSlope           = 0.2679f, /* 15 degrees */
+    .MaxSlopeDeg        = 15.0f,
     .MaxRoughnessM      = 0.5f,
+    .FootprintRadiusPx  = 1,
     .MinSunElevationDeg = 2.0f,
     .MaxSunElevationDeg = 88.0f,
 };

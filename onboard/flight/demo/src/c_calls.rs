@@ -1,4 +1,4 @@
-//! The path of a tile through the C functions: five kinds of tiles, with marks around every call, so that the counter reports each call, and a
+//! The path of a tile through the C functions: six kinds of tiles, with marks around every call, so that the counter reports each call, and a
 //! checksum of what comes out, which is the same on every machine.
 
 use crate::mark::{elunar_count_start, elunar_count_stop};
@@ -7,8 +7,8 @@ use elunar_capi::elunar_core::nn::file::Crc32c;
 use elunar_capi::ffi;
 use elunar_capi::status::{ELD_OK, ELD_RUNNING, FAULT, severity};
 use elunar_capi::types::{
-    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_context_t, eld_errors_t, eld_model_info_t, eld_pixels_t, eld_status_t,
-    eld_tile_t,
+    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_context_t, eld_errors_t, eld_model_info_t, eld_pixels_t, eld_posts_t,
+    eld_status_t, eld_tile_t,
 };
 
 /// Multiply-accumulates per call, as in the budgets.
@@ -29,6 +29,8 @@ enum Kind {
     Level,
     /// With a coarse DTM of small pixels, which takes the fit of the light longest.
     Fine,
+    /// With a coarse DTM as posts.
+    Posts,
 }
 
 /// The caller's memory.
@@ -61,7 +63,7 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
         let _ = writeln!(console, "ERROR: {checked:#x} {made:#x}");
         return false;
     }
-    let kinds = [Kind::Told, Kind::Voids, Kind::Even, Kind::Level, Kind::Fine];
+    let kinds = [Kind::Told, Kind::Voids, Kind::Even, Kind::Level, Kind::Fine, Kind::Posts];
     // The network of a large tile takes long; one is enough to compare it.
     let whole = |kind| kind == Kind::Told || pixels < 10_000;
     let all = kinds.map(|kind| tile(context, kind, info.tile_cols as usize, whole(kind), &mut own, console));
@@ -137,6 +139,17 @@ fn tile(
         null_code: NULL_CODE.into(),
         saturated_from: 0,
     };
+    // Eleven rows of posts, 30 pixels apart.
+    let posts = eld_posts_t {
+        posts_m: own.coarse_m.as_ptr(),
+        posts_len: 11 * 13,
+        cols: 13,
+        row0: 0.75,
+        rows_per_line: 1.0 / 30.0,
+        col0: 0.5,
+        cols_per_px: 1.0 / 30.0,
+    };
+    let is_posts = kind == Kind::Posts;
     let tile = eld_tile_t {
         struct_bytes: size_of::<eld_tile_t>() as u32,
         pixel_m: 2.0,
@@ -145,13 +158,19 @@ fn tile(
         sun_elevation_deg: elevation,
         network_alone: 0,
         image,
-        coarse_m: own.coarse_m.as_ptr(),
-        coarse_len: own.coarse_m.len(),
+        coarse_m: if is_posts { core::ptr::null() } else { own.coarse_m.as_ptr() },
+        coarse_len: if is_posts { 0 } else { own.coarse_m.len() },
         valid: core::ptr::null(),
         valid_len: 0,
+        posts: if is_posts { &raw const posts } else { core::ptr::null() },
+        light: core::ptr::null(),
     };
     let _ = writeln!(console, "tile {kind:?}");
     let mut repeat = |name: &str, call: &mut dyn FnMut() -> eld_status_t| repeated(name, console, call);
+    if kind == Kind::Fine {
+        // SAFETY: a context and a tile of our own.
+        let _ = repeat("eld_light_add", &mut || unsafe { ffi::eld_light_add(context, &tile, BUDGET_MACS) });
+    }
     // SAFETY: a context and a tile of our own, here and below.
     let begun = repeat("eld_begin_step", &mut || unsafe { ffi::eld_begin_step(context, &tile, BUDGET_MACS) });
     let mut done = begun;
@@ -170,7 +189,18 @@ fn tile(
         // SAFETY: as above.
         let _ = unsafe { ffi::eld_errors(context, &raw mut errors) };
     }
-    let sum = checksum(own, &errors);
+    let mut sum = checksum(own, &errors);
+    if whole && severity(begun) < 2 {
+        // The coarse heights are not needed any more.
+        let (len, errors) = (own.heights_m.len(), (own.heights_m.as_mut_ptr(), own.coarse_m.as_mut_ptr()));
+        // SAFETY: as above.
+        done = done.max(repeat("eld_error_maps", &mut || unsafe {
+            ffi::eld_error_maps(context, errors.0, errors.1, own.valid.as_mut_ptr(), len)
+        }));
+        sum ^= checksum(own, &eld_errors_t::default());
+        own.heights_m.copy_from_slice(own.coarse_m);
+        sum ^= checksum(own, &eld_errors_t::default()).rotate_left(1);
+    }
     let _ =
         writeln!(console, "tile {kind:?} begun {begun:08x} done {done:08x} sum {:08x}", if whole { sum } else { 0 });
     severity(begun) < FAULT && severity(done) < FAULT

@@ -1,0 +1,48 @@
+//! Calls about the light of a scene.
+
+use super::{Phase, Play, Slot, TILES, Tile};
+use elunar_capi::ffi;
+use elunar_capi::status::*;
+use elunar_capi::types::*;
+
+impl Play<'_> {
+    /// Adds a tile to the light of the scene, decides it, or forgets it.
+    pub(super) fn light(&mut self, slot: &mut Slot) -> eld_status_t {
+        let (how, good) = (self.reader.byte(), self.reader.byte() as usize % TILES);
+        if how >= 224 {
+            // SAFETY: a context of the test, here and below.
+            return unsafe { ffi::eld_light_clear(slot.handle) };
+        }
+        if how >= 160 {
+            let struct_bytes = size_of::<eld_lighting_t>() as u32;
+            let mut light = eld_lighting_t { struct_bytes, ..Default::default() };
+            let known = |known: bool, deg: f32| if known { deg } else { f32::NAN };
+            let sun = (known(how & 1 == 0, 70.0), known(how & 2 == 0, 30.0));
+            // SAFETY: as above, and a structure of the test.
+            let status = unsafe { ffi::eld_light_decide(slot.handle, sun.0, sun.1, &raw mut light) };
+            assert!(!worked(status) || light.source <= ELD_SOURCE_ASSUMED && light.east.is_finite());
+            if worked(status) {
+                let mut tile = Tile::good(good, slot.shape());
+                tile.c.light = &raw const light;
+                self.count(status);
+                return Self::begin_step(slot, &tile.c, u64::MAX, None);
+            }
+            return status;
+        }
+        let tile = Tile::good(good, slot.shape());
+        let budget = if how % 2 == 0 { u64::MAX } else { 1 << 14 };
+        loop {
+            // SAFETY: as above, and a tile of the test.
+            let status = unsafe { ffi::eld_light_add(slot.handle, &tile.c, budget) };
+            let is_running = status == ELD_RUNNING;
+            slot.phase = match (is_running, worked(status)) {
+                (true, _) => Phase::Light,
+                (_, true) => Phase::Empty,
+                _ => slot.phase,
+            };
+            if !is_running || how % 8 == 7 {
+                return status;
+            }
+        }
+    }
+}
