@@ -11,7 +11,6 @@ use std::process::ExitCode;
 static MEMORY: Memory = Memory;
 
 fn main() -> ExitCode {
-    let parsed = command_line().try_get_matches().and_then(|found| Cli::from_arg_matches(&found));
-    let parsed = read_command_line(parsed);
+    let parsed = read_command_line(|| command_line().try_get_matches().and_then(|found| Cli::from_arg_matches(&found)));
     finish(|| run(parsed))
 }

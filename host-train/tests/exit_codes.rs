@@ -4,7 +4,7 @@ use elunar_testing::exit_codes::{Called, check};
 use std::path::Path;
 
 /// Commands that `elunar` has, too.
-const SHARED: [&str; 18] = [
+const SHARED: [&str; 19] = [
     "predict",
     "join",
     "latency",
@@ -23,6 +23,7 @@ const SHARED: [&str; 18] = [
     "mosaic",
     "lola",
     "inspect",
+    "sun",
 ];
 
 #[test]

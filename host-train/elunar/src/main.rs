@@ -11,7 +11,7 @@ use std::process::ExitCode;
 static MEMORY: Memory = Memory;
 
 fn main() -> ExitCode {
-    let parsed = read_command_line(Cli::try_parse());
+    let parsed = read_command_line(Cli::try_parse);
     parsed.talk.begin();
     finish(|| run(parsed.command))
 }

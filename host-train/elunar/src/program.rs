@@ -130,9 +130,10 @@ fn code_of_system(kind: ErrorKind) -> u8 {
 }
 
 /// Reads the command line, or ends the program: with 0 behind `--help` and `--version`, otherwise with [`USAGE`].
-pub fn read_command_line<T>(parsed: std::result::Result<T, clap::Error>) -> T {
-    parsed.unwrap_or_else(|error| {
-        look_for_json();
+pub fn read_command_line<T>(parse: impl FnOnce() -> std::result::Result<T, clap::Error>) -> T {
+    // Memory may be refused while the line is read.
+    look_for_json();
+    parse().unwrap_or_else(|error| {
         if error.exit_code() != 0 && JSON.load(Ordering::Relaxed) {
             print_object(object(USAGE, &usage_line(&error)));
         }

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 const MODEL: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../models/nano.eld");
 
 /// Every command with inputs that are absent, and the lock of its output, if that is taken first.
-const COMMANDS: [(&[&str], Option<&str>); 20] = [
+const COMMANDS: [(&[&str], Option<&str>); 21] = [
     (&["manifest", "no.tif", "--coarse", "no2.tif", "--model", MODEL, "-o", "out.jsonl"], Some("out.jsonl.lock")),
     (&["batch", "--manifest", "no.jsonl"], None),
     (&["status", "--manifest", "no.jsonl"], None),
@@ -53,13 +53,14 @@ const COMMANDS: [(&[&str], Option<&str>); 20] = [
     (&["inspect", "no.tif"], None),
     (&["completions", "bash"], None),
     (&["man", "no"], None),
+    (&["sun", "2009-08-30"], None),
 ];
 
 #[test]
 fn every_command_ends_with_the_documented_code() {
-    // `synth` and `completions` have no input, `man` an output alone, whose folder is absent.
+    // `synth`, `sun` and `completions` have no input, `man` an output alone, whose folder is absent.
     let code = |words: &[&str]| match words[0] {
-        "synth" | "completions" => None,
+        "synth" | "sun" | "completions" => None,
         "man" => Some(64),
         _ => Some(65),
     };

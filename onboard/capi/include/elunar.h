@@ -775,6 +775,10 @@ typedef struct {
      * The pixels of a line: format, flags, gain, offset and codes. `data`, `data_bytes` and `row_bytes` are not used.
      */
     eld_pixels_t pixels;
+    /**
+     * The light of the strip, as `eld_light_decide` gives it; NULL: decided from the stated angles of the Sun alone.
+     */
+    const eld_lighting_t *light;
 } eld_strip_settings_t;
 
 /**

@@ -225,7 +225,7 @@ fn structures_are_laid_out_alike() {
         eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_telemetry_t { struct_bytes, valid_px, header_crc, calls, self_test_faults }
-        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels }
+        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels, light }
         eld_strip_telemetry_t { struct_bytes, last_fault, ready, tiles, pieces_lost, tile_faults }
     }
     let folder = folder("layout");

@@ -49,6 +49,7 @@ fn settings() -> eld_strip_settings_t {
         post_col0: 1.5,
         post_cols_per_px: 1.0 / 29.61,
         pixels,
+        light: std::ptr::null(),
     }
 }
 
@@ -396,4 +397,60 @@ fn a_model_that_is_loaded_again_serves_the_strip() {
     assert!(strip.made == expected);
     assert_eq!((counters.tiles_again, counters.tiles_lost, counters.faults), (1, 0, 1));
     assert_eq!(counters.last_fault, ELD_FAULT_MODEL_CHANGED);
+}
+
+#[test]
+fn a_strip_of_one_tile_under_the_light_of_its_scene_equals_the_tile() {
+    let mut tile = Tile { sun: [f32::NAN; 2], ..Tile::golden() };
+    // A strip has no mask: voids are no numbers.
+    let masked = tile.valid.take().unwrap();
+    for i in (0..PX).filter(|i| masked[*i] == 0) {
+        (tile.image[i], tile.coarse_m[i]) = (f32::NAN, f32::NAN);
+    }
+    let mut context = Context::new(nano());
+    while context.light_add(&tile.c(), 5_000_000) == ELD_RUNNING {}
+    let light = context.light_decide(tile.sun).unwrap();
+    let c = eld_tile_t { light: &raw const light, ..tile.c() };
+    while context.begin_step(&c, 5_000_000) == ELD_RUNNING {}
+    context.finish();
+    let (expected, valid) = context.output().unwrap();
+
+    let eld_tile_t { pixel_m, coarse_px, image, .. } = c;
+    let one = eld_strip_settings_t {
+        cols: COLS as u32,
+        pixel_m,
+        coarse_px,
+        expected_errors: 0,
+        post_cols: 0,
+        pixels: image,
+        light: &raw const light,
+        ..settings()
+    };
+    let strip = CStrip::new(&one).unwrap();
+    let (mut lines, mut taken, mut heights_m) = (0, 0, vec![0.0f32; COLS]);
+    while taken < ROWS {
+        // SAFETY: buffers of our own, each as long as a line.
+        let status = unsafe {
+            match strip.step(5_000_000) {
+                ELD_NOTICE_STRIP_PUSH if lines < ROWS => {
+                    let (image, coarse_m) = (&tile.image[lines * COLS..], &tile.coarse_m[lines * COLS..]);
+                    lines += 1;
+                    eld_strip_push(strip.handle, image.as_ptr().cast(), 4 * COLS, coarse_m.as_ptr(), COLS)
+                }
+                ELD_NOTICE_STRIP_PUSH => eld_strip_finish(strip.handle),
+                ELD_NOTICE_STRIP_DONE => {
+                    let (out, none, mut line) = (heights_m.as_mut_ptr(), null_mut(), 0);
+                    let status = eld_strip_take(strip.handle, out, none, none, null_mut(), COLS, &raw mut line);
+                    let same = |(i, z): (usize, &f32)| valid[i] != 1 || z.to_bits() == expected[i].to_bits();
+                    let first = (taken * COLS..).zip(&heights_m).find(|one| !same(*one));
+                    let found = first.map(|(i, z)| (i, *z, expected[i]));
+                    assert_eq!(found, None, "line {taken}: place, height of the strip, height of the tile");
+                    taken += 1;
+                    status
+                }
+                status => status,
+            }
+        };
+        assert!(worked(status), "{:?}", text(status));
+    }
 }

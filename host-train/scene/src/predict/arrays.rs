@@ -24,8 +24,8 @@ use std::ops::ControlFlow;
 /// ```
 /// use elunar_core::nn::{Illumination, InputRules, TruthRange};
 /// use elunar_core::tile::Shape;
-/// use elunar_scene::predict::network::{Model, TileNetwork};
-/// use elunar_scene::predict::{Options, predict_array};
+/// use elunar_scene::predict::network::{TileModel, TileNetwork};
+/// use elunar_scene::predict::{PredictOptions, predict_array};
 /// use ndarray::Array2;
 ///
 /// struct Coarse;
@@ -37,7 +37,7 @@ use std::ops::ControlFlow;
 ///     }
 /// }
 ///
-/// impl Model for Coarse {
+/// impl TileModel for Coarse {
 ///     fn tile(&self) -> Shape {
 ///         Shape::new(32, 32)
 ///     }
@@ -56,7 +56,7 @@ use std::ops::ControlFlow;
 /// let image = Array2::from_shape_fn((40, 50), |(row, col)| ((7 * row + 3 * col) % 11) as f32);
 /// let mut coarse_m = Array2::from_shape_fn((40, 50), |(row, col)| -1900.0 + row as f32 + 0.5 * col as f32);
 /// coarse_m[[3, 4]] = f32::NAN;
-/// let options = Options { overlap_px: Options::overlap_for(Coarse.tile()), ..Options::default() };
+/// let options = PredictOptions { overlap_px: PredictOptions::overlap_for(Coarse.tile()), ..PredictOptions::default() };
 /// let heights_m = predict_array(image.view(), coarse_m.view(), 2.0, 30.0, &Coarse, &options)?;
 /// assert_eq!(heights_m.dim(), (40, 50));
 /// assert!(heights_m[[3, 4]].is_nan());

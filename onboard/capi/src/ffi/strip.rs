@@ -86,10 +86,15 @@ unsafe fn asked<'m>(
     // SAFETY: the caller's promise.
     let asked = unsafe { structure(settings) }?;
     let pixels = form_of(&asked.pixels)?;
+    let light = match asked.light.is_null() {
+        true => None,
+        // SAFETY: the caller's promise.
+        false => Some(unsafe { structure(asked.light) }?),
+    };
     // SAFETY: the caller's promise.
     let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
     let (model, _) = info::open(bytes)?;
-    let settings = strip::settings(&model, &asked, pixels)?;
+    let settings = strip::settings(&model, &asked, pixels, light.as_ref())?;
     Ok((model, settings))
 }
 

@@ -5,8 +5,9 @@ pub mod types;
 
 use crate::begin::stated_sun;
 use crate::context::Outcome;
+use crate::light;
 use crate::status::*;
-use crate::types::eld_status_t;
+use crate::types::{eld_lighting_t, eld_status_t};
 use core::ops::Range;
 use elunar_core::nn::{Kernel, LightSource, Lighting, Model, Runner};
 use elunar_core::norm::LightFit;
@@ -64,12 +65,17 @@ pub(crate) fn settings(
     model: &Model<'_>,
     asked: &eld_strip_settings_t,
     pixels: PixelForm,
+    light: Option<&eld_lighting_t>,
 ) -> Result<StripSettings, eld_status_t> {
     let eld_strip_settings_t { network_alone, expected_errors, reserved, post_cols, .. } = *asked;
     if network_alone > 1 || expected_errors > 1 || reserved != 0 {
         return Err(ELD_REFUSED_STRIP_SETTINGS);
     }
     let sun = stated_sun(asked.sun_azimuth_deg, asked.sun_elevation_deg)?;
+    let light = match light {
+        Some(light) => light::of_c(light, model.illumination())?,
+        None => Lighting::decide(model.illumination(), sun, &LightFit::default()),
+    };
     let posts = PostGrid {
         cols: post_cols as usize,
         row0: asked.post_row0,
@@ -85,7 +91,7 @@ pub(crate) fn settings(
         pixel_m: asked.pixel_m,
         coarse_px: asked.coarse_px,
         anchor: network_alone == 0,
-        light: Lighting::decide(model.illumination(), sun, &LightFit::default()),
+        light,
         pixels,
         posts: (post_cols > 0).then_some(posts),
         expected_errors: expected_errors == 1,

@@ -1,7 +1,7 @@
 //! Types of strips, with C names.
 #![allow(non_camel_case_types)]
 
-use crate::types::{eld_pixels_t, eld_status_t};
+use crate::types::{eld_lighting_t, eld_pixels_t, eld_status_t};
 
 /// A strip with its model's working memory, at the start of the memory lent to `eld_strip_init`. What holds for a context holds for it, too.
 pub struct eld_strip_t {
@@ -46,6 +46,8 @@ pub struct eld_strip_settings_t {
     pub post_cols_per_px: f64,
     /// The pixels of a line: format, flags, gain, offset and codes. `data`, `data_bytes` and `row_bytes` are not used.
     pub pixels: eld_pixels_t,
+    /// The light of the strip, as `eld_light_decide` gives it; NULL: decided from the stated angles of the Sun alone.
+    pub light: *const eld_lighting_t,
 }
 
 /// Counters of a strip since `eld_strip_init`. They do not wrap within the time of a mission.

@@ -217,6 +217,7 @@ fn structures_of_strips_are_laid_out_as_described() {
         post_col0,
         post_cols_per_px,
         pixels,
+        light,
     });
     compare_layout("eld_strip_settings_t", &settings, size_of::<eld_strip_settings_t>(), 1);
 }
