@@ -1,6 +1,6 @@
 //! The programs' allocator: the system's. If the system refuses memory, the program ends with one line, without an abort.
 
-use crate::program::{JSON, NO_MEMORY, fail_once, kind_of, with_said};
+use crate::program::{JSON, LOOKED, NO_MEMORY, fail_once, kind_of, with_said};
 use elunar_base::memory::is_fallible;
 use std::alloc::{GlobalAlloc, Layout, System};
 use std::fmt::{Arguments, Write as _};
@@ -43,10 +43,25 @@ fn end(bytes: usize) -> ! {
     std::process::exit(NO_MEMORY.into())
 }
 
+/// Looks at the command line as Linux has it, without an allocation: memory was refused before the line was read.
+#[cfg(unix)]
+#[allow(unsafe_code)]
+fn line_asks_for_json() -> bool {
+    let mut line = [0u8; 4096];
+    // SAFETY: the path ends in a zero, and as many bytes are read as the array has. A file that is not there gives -1, and no bytes.
+    let found = unsafe {
+        let file = libc::open(c"/proc/self/cmdline".as_ptr(), libc::O_RDONLY);
+        libc::read(file, line.as_mut_ptr().cast(), line.len())
+    };
+    let line = &line[..usize::try_from(found).unwrap_or(0)];
+    line.split(|byte| *byte == 0).skip(1).take_while(|word| *word != b"--").any(|word| word == b"--json")
+}
+
 /// Prints the object of the error, if JSON is asked for. Nothing is allocated, and the library's buffer is left alone: this thread may hold it.
 #[cfg(unix)]
 fn object(message: Arguments<'_>) {
-    if !JSON.load(Ordering::Relaxed) {
+    let asked = if LOOKED.load(Ordering::Relaxed) { JSON.load(Ordering::Relaxed) } else { line_asks_for_json() };
+    if !asked {
         return;
     }
     let mut text = Cursor::new([0; 1024]);

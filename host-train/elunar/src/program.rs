@@ -26,6 +26,8 @@ pub const BROKEN_PIPE: u8 = 128 + 13;
 static PANICKED: AtomicU8 = AtomicU8::new(0);
 /// Whether errors are printed as JSON, too.
 pub(crate) static JSON: AtomicBool = AtomicBool::new(false);
+/// Whether that is known.
+pub(crate) static LOOKED: AtomicBool = AtomicBool::new(false);
 /// What was said of the first panic.
 static SAID: Mutex<String> = Mutex::new(String::new());
 
@@ -61,6 +63,7 @@ pub fn finish(run: impl FnOnce() -> Result<()>) -> ExitCode {
 fn look_for_json() {
     let asks = std::env::args_os().skip(1).take_while(|word| word != "--").any(|word| word == "--json");
     JSON.store(asks, Ordering::Relaxed);
+    LOOKED.store(true, Ordering::Relaxed);
 }
 
 /// Returns an error as it stands under `error` in the object that a command prints with `--json`.
