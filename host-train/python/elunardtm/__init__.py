@@ -63,9 +63,9 @@ def _utc(time: Any) -> str | None:
 
 
 def sun_position(time: Any, lon: float, lat: float, *, body: str = "moon") -> SunDirection:
-    """Returns the direction of the Sun at a place on the Moon, or on ``"mars"``: longitude in degrees east, latitude in degrees north.
+    """Returns the direction of the Sun at a place: longitude ``lon`` in degrees east, latitude ``lat`` in degrees north.
 
-    ``time`` is a text in UTC, or a datetime.
+    ``body`` is ``"moon"`` or ``"mars"``. ``time`` is a text in UTC, or a datetime.
 
     >>> round(sun_position("2009-08-30T12:00:00", 3.63, 26.13).azimuth, 1)
     107.7
@@ -132,6 +132,9 @@ class Light:
     #: Whether the angles are from the image's file.
     azimuth_from_file: bool
     elevation_from_file: bool
+    #: Whether the angles follow from the image's time.
+    azimuth_from_time: bool
+    elevation_from_time: bool
     #: How the light changes across the scene; None if the scene has one light.
     change: Any
 
