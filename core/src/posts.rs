@@ -3,7 +3,7 @@
 //! The values are those of [`crate::resample`], bit for bit those of [`crate::strip::Posts`] and of the ground's alignment of two rasters.
 
 use crate::part::item;
-use crate::resample::{EDGE_PX, bicubic, continued};
+use crate::resample::continued;
 use crate::samples::Samples;
 use crate::strip::PostGrid;
 use crate::tile::Shape;
@@ -49,48 +49,16 @@ impl<'p> PostMap<'p> {
         self.posts_m.iter().any(|z| crate::mask::is_real(*z))
     }
 
-    /// Returns the value at a row and a column of the posts; NaN beyond the outer edge of the outermost posts.
-    fn value(&self, row: f64, col: f64) -> f32 {
-        if !(within(row, self.rows) && within(col, self.grid.cols)) {
-            return f32::NAN;
-        }
-        let (above, left) = (libm::floor(row), libm::floor(col));
-        let around = core::array::from_fn(|k| self.four(above as isize - 1 + k as isize, left as isize - 1));
-        let z = bicubic(&around, (row - above) as f32, (col - left) as f32);
-        if z.is_finite() { z } else { f32::NAN }
-    }
-
-    /// Returns four posts of a row from a column on; both may be up to two beyond the first or the last.
-    fn four(&self, row: isize, first: isize) -> [f32; 4] {
-        along(
-            row,
-            self.rows,
-            |row| core::array::from_fn(|i| self.post(row, first + i as isize)),
-            |edge, inner, k| core::array::from_fn(|i| continued(item(&edge, i), item(&inner, i), k)),
-        )
-    }
-
-    /// Returns a post of a row that exists.
+    /// Returns a post of a row that exists; the row is continued from its outermost two posts.
     fn post(&self, row: usize, col: isize) -> f32 {
-        let kept = |col: usize| crate::mask::real(item(self.posts_m, row * self.grid.cols + col));
-        along(col, self.grid.cols, kept, continued)
+        let kept = |col: isize| crate::mask::real(item(self.posts_m, row * self.grid.cols + col as usize));
+        let last = self.grid.cols as isize - 1;
+        match col {
+            ..0 => continued(kept(0), kept(1.min(last)), col.unsigned_abs()),
+            _ if col > last => continued(kept(last), kept((last - 1).max(0)), col.abs_diff(last)),
+            _ => kept(col),
+        }
     }
-}
-
-/// Returns what is at a place of a line of `len`, continued from its outermost two where the place is beyond them.
-#[inline]
-fn along<T>(at: isize, len: usize, kept: impl Fn(usize) -> T, beyond: impl Fn(T, T, usize) -> T) -> T {
-    let last = len as isize - 1;
-    let (edge, inner) = if at < 0 { (0, 1.min(last)) } else { (last, (last - 1).max(0)) };
-    if (0..=last).contains(&at) {
-        kept(at as usize)
-    } else {
-        beyond(kept(edge as usize), kept(inner as usize), at.abs_diff(edge))
-    }
-}
-
-fn within(at: f64, len: usize) -> bool {
-    at >= -EDGE_PX && at <= len as f64 - 1.0 + EDGE_PX
 }
 
 impl Samples for PostMap<'_> {
@@ -108,10 +76,10 @@ impl Samples for PostMap<'_> {
 
     fn read(&self, first: usize, out: &mut [f32]) {
         let cols = self.tile.cols.max(1);
-        let row = self.grid.row0 + (first / cols) as f64 * self.grid.rows_per_line;
-        for (col, out) in (first % cols..).zip(out) {
-            *out = self.value(row, self.grid.col0 + col as f64 * self.grid.cols_per_px);
-        }
+        let kept = |row: usize, start: usize| {
+            core::array::from_fn(|i| self.post(row, (start + i) as isize - PostGrid::GHOSTS as isize))
+        };
+        self.grid.interpolate(first / cols, self.rows, (first % cols..).zip(out), kept);
     }
 
     fn work(&self) -> u64 {

@@ -8,9 +8,6 @@ use core::ops::Range;
 
 /// Number of rows that bicubic interpolation reads.
 const ROWS: usize = 4;
-/// Number of columns by which rows are continued on either side.
-const GHOSTS: usize = 2;
-
 /// The place of the coarse DTM's posts relative to the strip. Axes are parallel to lines and columns, rows have the order of lines. The
 /// centre of the strip's pixel (line, column) is at row `row0 + line * rows_per_line` and column `col0 + column * cols_per_px` of the
 /// posts, where (0, 0) is the first post's centre.
@@ -29,6 +26,9 @@ pub struct PostGrid {
 }
 
 impl PostGrid {
+    /// Number of columns by which rows are continued on either side.
+    pub(crate) const GHOSTS: usize = 2;
+
     /// Makes a grid of rows of `cols` posts. The first post's centre is at (line, column) `first_px` of the strip, where (0, 0) is the
     /// centre of its first pixel; the others are `spacing_px` pixels apart.
     #[must_use]
@@ -51,7 +51,7 @@ impl PostGrid {
 
     /// Number of samples of a row that is continued on either side.
     pub(super) const fn stride(&self) -> usize {
-        self.cols.saturating_add(2 * GHOSTS)
+        self.cols.saturating_add(2 * PostGrid::GHOSTS)
     }
 
     /// Number of rows that serve so many consecutive lines.
@@ -88,13 +88,13 @@ impl PostGrid {
         let at = |col: usize| real(item(posts_m, col));
         let before = move |k: usize| continued(at(0), at(inner), k);
         let after = move |k: usize| continued(at(last), at(last - inner.min(last)), k);
-        let left = (1..=GHOSTS).rev().map(before);
-        left.chain(posts_m.iter().map(|z| real(*z))).chain((1..=GHOSTS).map(after))
+        let left = (1..=PostGrid::GHOSTS).rev().map(before);
+        left.chain(posts_m.iter().map(|z| real(*z))).chain((1..=PostGrid::GHOSTS).map(after))
     }
 
     /// Writes pixels of a line, by their columns, NaN without heights. `rows` rows have come; `kept` returns four samples of one of them, from a
     /// column of the continued row on.
-    pub(super) fn interpolate<'o>(
+    pub(crate) fn interpolate<'o>(
         &self,
         line: usize,
         rows: usize,
@@ -110,7 +110,7 @@ impl PostGrid {
             *out = if has_rows && at >= -EDGE_PX && at <= self.cols as f64 - 1.0 + EDGE_PX {
                 let left = libm::floor(at);
                 // One before the floor, which is at least -1 because of the slack.
-                let start = (left as isize - 1 + GHOSTS as isize) as usize;
+                let start = (left as isize - 1 + PostGrid::GHOSTS as isize) as usize;
                 let around = core::array::from_fn(|k| four(first + k as isize, rows, |row| kept(row, start)));
                 let z = bicubic(&around, down, (at - left) as f32);
                 if z.is_finite() { z } else { f32::NAN }
@@ -175,7 +175,7 @@ impl<'m> Posts<'m> {
     /// Number of values of memory for rows of `cols` posts.
     #[must_use]
     pub const fn memory_len(cols: usize) -> usize {
-        cols.saturating_add(2 * GHOSTS).saturating_mul(ROWS)
+        cols.saturating_add(2 * PostGrid::GHOSTS).saturating_mul(ROWS)
     }
 
     /// Makes the interpolation for a grid, in memory of [`memory_len`](Self::memory_len).
