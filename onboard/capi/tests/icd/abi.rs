@@ -1,69 +1,95 @@
 //! Compares the C interface in the page with the header: functions, statuses and structures.
 
-use crate::pages::{read, section, table};
-use crate::{number, page};
+use crate::page;
+use crate::pages::read;
 use elunar_capi::status::STATUSES;
 use elunar_capi::strip::types::*;
 use elunar_capi::types::*;
 use std::collections::{BTreeMap, BTreeSet};
 use std::mem::{offset_of, size_of};
 
+/// Returns the part of the page that describes the functions.
+fn functions(page: &str) -> &str {
+    let (_, part) = page.split_once("### 2.2 Functions").unwrap();
+    part.split_once("### 2.3").unwrap().0
+}
+
 #[test]
-fn every_function_of_the_header_has_its_section_and_every_section_its_function() {
+fn every_function_of_the_header_is_on_the_page_with_its_timing_class() {
     let (header, page) = (read("onboard/capi/include/elunar.h"), page());
-    let functions: BTreeSet<&str> = header
+    let declared: BTreeSet<&str> = header
         .split(|c: char| !(c.is_ascii_alphanumeric() || "_(".contains(c)))
         .filter_map(|word| word.strip_suffix('(').or_else(|| word.split_once('(').map(|(name, _)| name)))
         .filter(|name| name.starts_with("eld_"))
         .collect();
-    assert!(functions.len() >= 13, "{functions:?}");
-    let (_, part) = page.split_once("### 2.2 Functions").unwrap();
-    let (part, _) = part.split_once("### 2.3").unwrap();
-    let headings: BTreeSet<&str> = part
-        .lines()
-        .filter_map(|line| line.strip_prefix("#### "))
-        .flat_map(|line| line.split(", "))
-        .map(|name| name.trim_matches('`'))
-        .collect();
-    assert_eq!(headings, functions);
-    // Each section gives the time of the call, its duration and its answers.
-    for name in &functions {
-        let heading = if *name == "eld_format_version" { "`eld_version`" } else { &format!("`{name}`") };
-        let text = section(&page, heading);
-        assert!(
-            ["Constant", "Budget", "Line", "Tile", "File"].iter().any(|class| text.contains(class)),
-            "{name}: no timing class"
-        );
-        let silent = ["eld_version", "eld_format_version", "eld_status_text"].contains(name);
-        assert!(silent || text.contains("Statuses: `ELD_OK`"), "{name}: no statuses");
+    assert!(declared.len() >= 13, "{declared:?}");
+    let mut found = BTreeSet::new();
+    for item in functions(&page).split("\n- ").skip(1) {
+        let (names, rest) = item.split_once(" (").unwrap_or_else(|| panic!("{item}: no timing class"));
+        found.extend(names.split(", ").map(|name| name.trim_matches(&['*', '`'])));
+        let class = rest.split([')', ',', ';']).next().unwrap();
+        assert!(["constant", "budget", "line", "tile", "file"].contains(&class), "{item}: no timing class");
     }
+    assert_eq!(found, declared);
 }
 
 #[test]
-fn every_status_is_listed_with_its_word_and_answered_by_some_function() {
+fn every_status_is_answered_by_some_function() {
     let page = page();
-    let found: BTreeMap<String, String> =
-        table(section(&page, "Words")).into_iter().map(|row| (row[1].clone(), row[0].clone())).collect();
-    let code: BTreeMap<String, String> =
-        STATUSES.iter().map(|known| (known.name.to_string(), format!("{:#010x}", known.status))).collect();
-    assert_eq!(found, code);
-    let (_, functions) = page.split_once("### 2.1").unwrap();
-    let (functions, _) = functions.split_once("### 2.3").unwrap();
-    for name in code.keys() {
+    let (_, rules) = page.split_once("### 2.1").unwrap();
+    let (rules, _) = rules.split_once("### 2.3").unwrap();
+    for name in STATUSES.iter().map(|known| known.name) {
         let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_", "ELD_NOTICE_STRIP_"]
             .into_iter()
             .find(|family| name.starts_with(family));
         let said = family.map_or(format!("`{name}`"), |family| format!("`{family}*`"));
-        assert!(functions.contains(&said), "{name}: no function answers it");
+        assert!(rules.contains(&said), "{name}: no function answers it");
     }
-    for (word, name) in [(0, "ELD_GOOD"), (1, "ELD_NOTICE"), (2, "ELD_REFUSED"), (3, "ELD_FAULT")] {
-        assert!(
-            read("onboard/capi/include/elunar.h")
-                .lines()
-                .any(|line| { line.split_whitespace().take(3).eq(["#define", name, &format!("{word}u")]) })
-        );
-        assert!(page.contains(&format!("| {word} | `{name}` |")));
+    let version = [ELD_VERSION >> 16, ELD_VERSION >> 8 & 255, ELD_VERSION & 255].map(|part| part.to_string());
+    assert!(page.contains(&format!("version {} (`ELD_VERSION`", version.join("."))));
+}
+
+/// A row of `structures.csv`: structure, field, type, and offsets with pointers of 64 and of 32 bits.
+type Row = (String, String, String, [usize; 2]);
+
+/// Lays the structures of the header out by the rules of C, for pointers of 64 and of 32 bits; a row without a field has the size.
+fn structures(header: &str) -> Vec<Row> {
+    let mut rows = Vec::new();
+    let mut known: BTreeMap<String, [[usize; 2]; 2]> = BTreeMap::new(); // bytes and alignment
+    for (name, bytes) in [("uint32_t", 4), ("float", 4), ("eld_status_t", 4), ("uint64_t", 8), ("double", 8)] {
+        known.insert(name.into(), [[bytes; 2]; 2]);
     }
+    known.insert("size_t".into(), [[8, 4]; 2]);
+    for part in header.split("typedef struct {\n").skip(1) {
+        let (body, rest) = part.split_once("\n} ").unwrap();
+        let structure = rest.split(';').next().unwrap();
+        let (mut at, mut alignment) = ([0; 2], [1; 2]);
+        for line in body.lines().filter_map(|line| line.trim().strip_suffix(';')) {
+            let split = line.rfind([' ', '*']).unwrap() + 1;
+            let (kind, field) = (line[..split].trim(), &line[split..]);
+            let [bytes, align] = if kind.ends_with('*') { [[8, 4]; 2] } else { known[kind] };
+            let offset = [0, 1].map(|i| usize::next_multiple_of(at[i], align[i]));
+            rows.push((structure.into(), field.into(), kind.into(), offset));
+            at = [0, 1].map(|i| offset[i] + bytes[i]);
+            alignment = [0, 1].map(|i| alignment[i].max(align[i]));
+        }
+        let bytes = [0, 1].map(|i| usize::next_multiple_of(at[i], alignment[i]));
+        rows.push((structure.into(), String::new(), "whole".into(), bytes));
+        known.insert(structure.into(), [bytes, alignment]);
+    }
+    rows
+}
+
+#[test]
+fn structures_are_laid_out_as_listed() {
+    let rows = structures(&read("onboard/capi/include/elunar.h"));
+    let line = |(structure, field, kind, [wide, narrow]): &Row| format!("{structure},{field},{kind},{wide},{narrow}\n");
+    let expected: String = rows.iter().map(line).collect();
+    let found = read("onboard/docs/structures.csv");
+    let found = found.strip_prefix("structure,field,type,offset_64,offset_32\n").unwrap();
+    assert_eq!(found, expected, "onboard/docs/structures.csv");
+    let names: BTreeSet<&str> = rows.iter().map(|row| row.0.as_str()).collect();
+    assert_eq!(names.len(), 11, "{names:?}");
 }
 
 /// Returns the fields of a structure with their offsets; it does not compile if a field is left out.
@@ -75,24 +101,17 @@ macro_rules! layout {
     }};
 }
 
-fn compare_layout(name: &str, code: &[(usize, &str)], bytes: usize, field: usize) {
-    let page = page();
-    let part = section(&page, &format!("`{name}`"));
-    let rows = table(part);
-    let found: Vec<(usize, &str)> = rows.iter().map(|row| (number(&row[0]) as usize, row[field].as_str())).collect();
-    assert_eq!(found, code, "{name}");
-    assert!(part.contains(&format!("\n{bytes} bytes")), "{name}: {bytes} bytes");
-    let header = read("onboard/capi/include/elunar.h");
-    for row in &rows {
-        let (kind, name) = (&row[field + 1], &row[field]);
-        let declared = if kind.ends_with('*') { format!("{kind}{name};") } else { format!("{kind} {name};") };
-        assert!(header.contains(&declared), "{declared}");
-    }
+/// Compares the layout of a structure in Rust with the one that is listed.
+fn compare_layout(name: &str, code: &[(usize, &str)], bytes: usize) {
+    let rows = structures(&read("onboard/capi/include/elunar.h"));
+    let listed: Vec<(usize, &str)> =
+        rows.iter().filter(|row| row.0 == name).map(|row| (row.3[0], row.1.as_str())).collect();
+    assert_eq!(listed, [code, &[(bytes, "")]].concat(), "{name}");
 }
 
 #[test]
 #[cfg(target_pointer_width = "64")]
-fn structures_are_laid_out_as_described() {
+fn structures_of_tiles_are_laid_out_in_rust_as_in_c() {
     let info = layout!(eld_model_info_t {
         struct_bytes,
         format_version,
@@ -112,10 +131,10 @@ fn structures_are_laid_out_as_described() {
         nr,
         range_margin,
     });
-    compare_layout("eld_model_info_t", &info, size_of::<eld_model_info_t>(), 1);
+    compare_layout("eld_model_info_t", &info, size_of::<eld_model_info_t>());
     let errors =
         layout!(eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below });
-    compare_layout("eld_errors_t", &errors, size_of::<eld_errors_t>(), 1);
+    compare_layout("eld_errors_t", &errors, size_of::<eld_errors_t>());
     let lighting = layout!(eld_lighting_t {
         struct_bytes,
         source,
@@ -127,7 +146,7 @@ fn structures_are_laid_out_as_described() {
         log_strength_sd,
         azimuth_sd_deg,
     });
-    compare_layout("eld_lighting_t", &lighting, size_of::<eld_lighting_t>(), 1);
+    compare_layout("eld_lighting_t", &lighting, size_of::<eld_lighting_t>());
     let options = layout!(eld_terrain_options_t {
         struct_bytes,
         cols,
@@ -140,11 +159,11 @@ fn structures_are_laid_out_as_described() {
         sun_azimuth_deg,
         sun_elevation_deg,
     });
-    compare_layout("eld_terrain_options_t", &options, size_of::<eld_terrain_options_t>(), 1);
+    compare_layout("eld_terrain_options_t", &options, size_of::<eld_terrain_options_t>());
 }
 
 #[test]
-fn counters_are_laid_out_as_described() {
+fn counters_are_laid_out_in_rust_as_in_c() {
     let telemetry = layout!(eld_telemetry_t {
         struct_bytes,
         phase,
@@ -168,12 +187,12 @@ fn counters_are_laid_out_as_described() {
         self_test_faults,
         tile_faults,
     });
-    compare_layout("eld_telemetry_t", &telemetry, size_of::<eld_telemetry_t>(), 1);
+    compare_layout("eld_telemetry_t", &telemetry, size_of::<eld_telemetry_t>());
 }
 
 #[test]
 #[cfg(target_pointer_width = "64")]
-fn structures_of_strips_are_laid_out_as_described() {
+fn structures_of_strips_are_laid_out_in_rust_as_in_c() {
     let strip = layout!(eld_strip_telemetry_t {
         struct_bytes,
         last_fault,
@@ -198,7 +217,7 @@ fn structures_of_strips_are_laid_out_as_described() {
         scrub_faults,
         tile_faults,
     });
-    compare_layout("eld_strip_telemetry_t", &strip, size_of::<eld_strip_telemetry_t>(), 1);
+    compare_layout("eld_strip_telemetry_t", &strip, size_of::<eld_strip_telemetry_t>());
     let settings = layout!(eld_strip_settings_t {
         struct_bytes,
         cols,
@@ -219,15 +238,15 @@ fn structures_of_strips_are_laid_out_as_described() {
         pixels,
         light,
     });
-    compare_layout("eld_strip_settings_t", &settings, size_of::<eld_strip_settings_t>(), 1);
+    compare_layout("eld_strip_settings_t", &settings, size_of::<eld_strip_settings_t>());
 }
 
 #[test]
 #[cfg(target_pointer_width = "64")]
-fn the_tile_is_laid_out_as_described_on_32_bits_too() {
+fn structures_with_pointers_are_laid_out_in_rust_as_in_c() {
     let pixels =
         layout!(eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from });
-    compare_layout("eld_pixels_t", &pixels, size_of::<eld_pixels_t>(), 2);
+    compare_layout("eld_pixels_t", &pixels, size_of::<eld_pixels_t>());
     let tile = layout!(eld_tile_t {
         struct_bytes,
         pixel_m,
@@ -244,24 +263,9 @@ fn the_tile_is_laid_out_as_described_on_32_bits_too() {
         light,
     });
     let posts = layout!(eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px });
-    compare_layout("eld_posts_t", &posts, size_of::<eld_posts_t>(), 2);
-    compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>(), 2);
-    // On 32 bits all fields have four bytes, and the image nine of them.
-    let narrow = |name: &str| table(section(&page(), name)).iter().map(|row| number(&row[1])).collect::<Vec<u64>>();
-    assert_eq!(narrow("`eld_pixels_t`"), (0..pixels.len() as u64).map(|i| 4 * i).collect::<Vec<_>>());
-    let image = tile.iter().position(|field| field.1 == "image").unwrap();
-    let expected = (0..tile.len()).map(|i| 4 * (i + if i > image { pixels.len() - 1 } else { 0 }) as u64);
-    assert_eq!(narrow("`eld_tile_t`"), expected.collect::<Vec<_>>());
+    compare_layout("eld_posts_t", &posts, size_of::<eld_posts_t>());
+    compare_layout("eld_tile_t", &tile, size_of::<eld_tile_t>());
     let maps =
         layout!(eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard });
-    compare_layout("eld_terrain_maps_t", &maps, size_of::<eld_terrain_maps_t>(), 2);
-    assert_eq!(narrow("`eld_terrain_maps_t`"), [0, 4, 8, 12, 16, 20]);
-    // Three fields of four bytes, then doubles, which are aligned to eight.
-    assert_eq!(narrow("`eld_posts_t`"), [0, 4, 8, 16, 24, 32, 40]);
-    assert!(page().contains(&format!(
-        "version {}.{}.{} (`ELD_VERSION`",
-        ELD_VERSION >> 16,
-        ELD_VERSION >> 8 & 255,
-        ELD_VERSION & 255
-    )));
+    compare_layout("eld_terrain_maps_t", &maps, size_of::<eld_terrain_maps_t>());
 }

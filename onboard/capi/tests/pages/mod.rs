@@ -31,9 +31,10 @@ pub(crate) fn section<'p>(page: &'p str, heading: &str) -> &'p str {
     &page[start.unwrap_or_else(|| panic!("no heading '{heading}'"))..]
 }
 
-/// Returns the cells of the first table of a section, without its head and without back quotes.
+/// Returns the cells of the first table of a section: a block of text whose columns are two or more blanks apart, without its head.
 pub(crate) fn table(section: &str) -> Vec<Vec<String>> {
-    let lines = section.lines().skip_while(|line| !line.starts_with('|')).take_while(|line| line.starts_with('|'));
-    let cells = |line: &str| line.trim_matches('|').split('|').map(|cell| cell.trim().replace('`', "")).collect();
-    lines.skip(2).map(cells).collect()
+    let lines = section.lines().skip_while(|line| *line != "```text").skip(2).take_while(|line| *line != "```");
+    lines
+        .map(|line| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(String::from).collect())
+        .collect()
 }
