@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Writes the tables that `card.sh OUT` has made into README.md, nano's card and docs/accuracy.md, between `<!-- table NAME -->` and `<!-- end -->`.
+"""Writes the tables that `card.sh OUT` has made into README.md, nano's card and docs/accuracy.md, between `<!-- table NAME -->` and `<!-- end -->`,
+and docs/real.csv.
 
     host-train/models/card.py OUT [--check]      --check: only says which tables would change
 """
@@ -13,6 +14,7 @@ import sys
 OUT = pathlib.Path(sys.argv[1])
 HERE = pathlib.Path(__file__).resolve().parent
 PAGES = HERE.parent.parent / "README.md", HERE / "README.md", HERE.parent / "docs/accuracy.md"
+RECORD = HERE.parent / "docs/real.csv"
 HEIGHTS, SLOPES, WAVES = "RMSE / coarse", "its ratio to coarse", "correlation short waves"
 RMSE_M, SLOPE_DEG, SECONDS = "RMSE, m", "slope MAE, °", "time, s"
 COARSE, METHODS = "coarse DTM", ("untrained", "nano", "ground")
@@ -102,18 +104,34 @@ REAL = {
 }
 
 
-def real(part):
-    lines = []
-    for scene, name in REAL.items():
-        of = {row["method"]: row for row in rows(part, "scenes.csv") if row["scene"] == scene}
-        metres = [digits(of[method][RMSE_M], 1) for method in (COARSE, "ground")]
-        degrees = [digits(of[method][SLOPE_DEG], 2) for method in (COARSE, "ground")]
-        ratios = [best([digits(of[method][figure]) for method in METHODS]) for figure in (HEIGHTS, SLOPES)]
-        lines.append([name, *metres, *degrees, *ratios[0], *ratios[1]])
-    means = [best([digits(mean(part, method, figure)) for method in METHODS]) for figure in (HEIGHTS, SLOPES)]
-    lines.append(["mean", "", "", "", "", *means[0], *means[1]])
+def real_scene(part, scene):
+    """Figures of a real scene: metres and degrees of the coarse DTM and of `ground`; ratios of heights and of slopes of the methods."""
+    of = {row["method"]: row for row in rows(part, "scenes.csv") if row["scene"] == scene}
+    metres = [digits(of[method][RMSE_M], 1) for method in (COARSE, "ground")]
+    degrees = [digits(of[method][SLOPE_DEG], 2) for method in (COARSE, "ground")]
+    return [*metres, *degrees], *([digits(of[method][figure]) for method in METHODS] for figure in (HEIGHTS, SLOPES))
+
+
+def real():
+    of = {name: real_scene("real", scene) for scene, name in REAL.items()}
+    lines = [[name, *metres, *best(slopes)] for name, (metres, _, slopes) in of.items()]
+    lines.append(["mean", "", "", "", "", *best([digits(mean("real", method, SLOPES)) for method in METHODS])])
     heading = ["scene", "RMSE, m: coarse DTM", "`ground`", "slopes, °: coarse DTM", "`ground`"]
-    return table(heading + ["RMSE ratio: untrained", "`nano`", "`ground`", "slopes' ratio: untrained", "`nano`", "`ground`"], lines)
+    return table(heading + ["ratio of slopes: untrained", "`nano`", "`ground`"], lines)
+
+
+def record():
+    """All figures of the real scenes, as a table of CSV."""
+    yield ["scene", "light", *(f"{method} {figure}" for figure in ("RMSE m", "slope deg") for method in ("coarse", "ground")),
+           *(f"{method} {figure} ratio" for figure in ("RMSE", "slope") for method in METHODS),
+           *(f"{method} half coherence px" for method in ("coarse", "nano")),
+           *(f"nano {what} within {sd} sd" for what in ("heights", "slopes") for sd in ("1", "1.96"))]
+    for light, part in (("fitted", "real"), ("azimuth told", "real-azimuth")):
+        for scene, name in REAL.items():
+            row = [name, light, *sum(real_scene(part, scene), [])]
+            if part == "real":
+                row += [half_coherence(scene, method) for method in (COARSE, "nano")] + [f"{share / 100:.2f}" for share in shares(scene)]
+            yield row + [""] * (18 - len(row))
 
 
 def hard():
@@ -131,10 +149,14 @@ def hard():
 
 
 def sfs():
-    methods = {"shape from shading, default weights": "sfs", "shape from shading, weights chosen on the truths": "tuned"}
-    methods |= {"untrained": "untrained", "`nano`": "nano"}
-    lines = [[name, *(digits(mean("real-against", method, figure)) for figure in (HEIGHTS, SLOPES))] for name, method in methods.items()]
-    return table(["real ground", "RMSE", "slope vectors"], lines)
+    methods = {"shape from shading, default weights": "sfs", "chosen on the truths": "tuned", "untrained": "untrained", "`nano`": "nano"}
+    return heights_and_slopes("real ground", "real-against", methods)
+
+
+def heights_and_slopes(corner, part, methods):
+    """Two rows of means, a column for each method."""
+    figures = {"RMSE": HEIGHTS, "slope vectors": SLOPES}
+    return table([corner, *methods], [[name, *(digits(mean(part, method, figure)) for method in methods.values())] for name, figure in figures.items()])
 
 
 KINDS = {
@@ -163,15 +185,14 @@ def suite():
 def limits():
     left_out = {"nothing": "usual", "albedo": "no albedo", "blur of the camera": "no blur"}
     left_out |= {"error and misregistration of the coarse DTM": "exact coarse", "all three": "none of them"}
-    lines = [[name, *(total("limits", kind, method)[SLOPES] for method in ("untrained", "sfs", "nano"))] for name, kind in left_out.items()]
-    return table(["left out", "untrained", "shape from shading", "`nano`"], lines)
+    methods = {"untrained": "untrained", "shape from shading": "sfs", "`nano`": "nano"}
+    lines = [[name, *(total("limits", kind, method)[SLOPES] for kind in left_out.values())] for name, method in methods.items()]
+    return table(["left out", *left_out], lines)
 
 
 def landforms():
-    methods = {"untrained": "untrained", "linear filter of other grounds": "linear-bound", "shape from shading": "sfs"}
-    methods |= {"`nano`": "nano", "`ground`": "ground"}
-    lines = [[name, *(digits(mean("landforms", method, figure)) for figure in (HEIGHTS, SLOPES))] for name, method in methods.items()]
-    return table(["eight grounds without craters", "RMSE", "slope vectors"], lines)
+    methods = {"untrained": "untrained", "linear filter": "linear-bound", "shape from shading": "sfs", "`nano`": "nano", "`ground`": "ground"}
+    return heights_and_slopes("", "landforms", methods)
 
 
 def shares(name):
@@ -185,17 +206,15 @@ def half_coherence(scene, method):
     """The half-coherence wavelength in pixels of the truth."""
     found = next(one for one in json.loads((OUT / "real/results.json").read_text())["scenes"] if one["name"] == scene)
     half = next(one for one in found["judged"] if one["method"] == method)["spectral"]["half_coherence"]
-    return ("≤ " if half["at_most"] else "") + digits(half["wavelength_m"] / found["pixel_m"][0], 1)
+    return ("<=" if half["at_most"] else "") + digits(half["wavelength_m"] / found["pixel_m"][0], 1)
 
 
 def sure():
-    lines = []
-    for scene, name in REAL.items():
-        of = [f"{value / 100:.2f}" for value in shares(scene)]
-        lines.append([name, *(half_coherence(scene, method) for method in (COARSE, "nano")), *of])
+    of = [[share / 100 for share in shares(scene)] for scene in REAL]
+    lines = [["real, mean (least, most)", *(f"{sum(one) / len(one):.2f} ({min(one):.2f}, {max(one):.2f})" for one in zip(*of))]]
     synthetic = [shares(path.name[: -len("_image.tif")]) for path in (OUT / "suite/scenes").glob("*_image.tif")]
-    lines.append(["built-in suite, mean", "", "", *(f"{sum(one[i] for one in synthetic) / len(synthetic) / 100:.2f}" for i in range(4))])
-    return table(["scene", "half coherence, px: coarse DTM", "`nano`", "heights: 1 sd", "1.96 sd", "slopes: 1 sd", "1.96 sd"], lines)
+    lines.append(["built-in suite, mean", *(f"{sum(one) / len(one) / 100:.2f}" for one in zip(*synthetic))])
+    return table(["scenes", "heights: 1 sd", "1.96 sd", "slopes: 1 sd", "1.96 sd"], lines)
 
 
 def shaded():
@@ -214,8 +233,7 @@ def shaded():
 TABLES = {
     "adds": adds,
     "front": front,
-    "real": lambda: real("real"),
-    "real-azimuth": lambda: real("real-azimuth"),
+    "real": real,
     "hard": hard,
     "sfs": sfs,
     "suite": suite,
@@ -227,6 +245,13 @@ TABLES = {
 
 
 def main():
+    with open(RECORD, newline="") as old:
+        known = list(csv.reader(old))
+    if (new := list(record())) != known:
+        print(f"{RECORD.name}: differs")
+        if "--check" not in sys.argv:
+            with open(RECORD, "w", newline="") as file:
+                csv.writer(file, lineterminator="\n").writerows(new)
     used = set()
     for page in PAGES:
         text = page.read_text()
