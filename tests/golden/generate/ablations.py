@@ -2,7 +2,7 @@
 
     python3 tests/golden/generate/ablations.py tests/golden/ablations/case.safetensors
 
-Needs numpy, torch, torchvision, timm and safetensors. Layout of the file: see mini/README.md.
+Needs numpy, torch, torchvision, timm and safetensors. Layout of the file: see ../README.md.
 """
 import sys
 

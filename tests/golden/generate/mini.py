@@ -3,7 +3,7 @@
     python3 tests/golden/generate/mini.py tests/golden/mini/case.safetensors
 
 Needs numpy, torch and safetensors. The network is written here a second time, as plain functions over a dictionary of
-named weights: `float_net.py` says what the Rust code must compute, not how. Layout of the file: see mini/README.md.
+named weights: `float_net.py` says what the Rust code must compute, not how. Layout of the file: see ../README.md.
 """
 import json
 import os
