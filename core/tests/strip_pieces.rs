@@ -22,6 +22,7 @@ fn pieces_of_a_strip() {
         pixel_m: 2.0,
         coarse_px: 30.0,
         anchor: true,
+        checked: false,
         light: Lighting::given(Light::from_sun(135.0, 35.0).unwrap()),
         pixels: PixelForm::F32,
         posts: None,

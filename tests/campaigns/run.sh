@@ -2,7 +2,7 @@
 # Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.csv what they found so far.
 #
 #   tests/campaigns/run.sh                  all of them
-#   tests/campaigns/run.sh slots kills      these: programs slots strip kills races endless foreign manifests miri fuzz
+#   tests/campaigns/run.sh slots kills      these: programs slots strip kills races endless foreign manifests miri inject fuzz
 #   ELUNAR_CAMPAIGNS=DIR                    where progress, logs and findings are (default: tests/campaigns/out)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -45,12 +45,16 @@ strip() {
         --injections "${ELUNAR_FLIPS:-20000}" --out "$folder/strip"
 }
 
+inject() {
+    cargo run --locked --package elunar-inject -- host-train/models/nano.eld --injections "${ELUNAR_INJECTIONS:-3000}" --out "$folder/inject"
+}
+
 fuzz() { FUZZ_FOLDER="$folder/fuzz" tests/fuzz/campaign.sh; }
 
-[ $# -gt 0 ] || set -- programs slots strip kills races endless foreign manifests miri fuzz
+[ $# -gt 0 ] || set -- programs slots strip kills races endless foreign manifests miri inject fuzz
 for campaign in "$@"; do
     case "$campaign" in
-    programs | slots | strip | kills | races | endless | foreign | manifests | miri | fuzz)
+    programs | slots | strip | kills | races | endless | foreign | manifests | miri | inject | fuzz)
         printf '\n== %s, %s, commit %s, %s\n' "$campaign" "$(date -u +%F)" "$(git rev-parse --short HEAD)" \
             "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -1)"
         SECONDS=0
@@ -58,7 +62,7 @@ for campaign in "$@"; do
         echo "$campaign: $SECONDS s"
         ;;
     *)
-        echo "ERROR: expected a campaign (programs slots strip kills races endless foreign manifests miri fuzz), found '$campaign'" >&2
+        echo "ERROR: expected a campaign (programs slots strip kills races endless foreign manifests miri inject fuzz), found '$campaign'" >&2
         exit 1
         ;;
     esac

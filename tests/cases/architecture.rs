@@ -78,6 +78,7 @@ const EDGES: [(&str, &[&str]); 18] = [
     ),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
+    ("elunar-inject", &["elunar-core", "elunar-testing", "elunar-base", "elunar-raster", "elunar-picture"]),
     (
         "elunar-tests",
         &[

@@ -87,6 +87,7 @@ fn a_strip_allocates_nothing() {
         pixel_m: 2.0,
         coarse_px: 10.0,
         anchor: true,
+        checked: false,
         light: Lighting::given(Light::assumed(None)),
         pixels: PixelForm::F32,
         posts: None,

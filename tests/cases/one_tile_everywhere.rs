@@ -19,7 +19,7 @@ use std::ops::ControlFlow;
 
 const SHAPE: Shape = Shape::new(256, 320);
 const PX: usize = SHAPE.rows * SHAPE.cols;
-const RULES: TileRules = TileRules { pixel_m: 2.0, coarse_px: 29.61, anchor: true };
+const RULES: TileRules = TileRules { pixel_m: 2.0, coarse_px: 29.61, anchor: true, checked: false };
 
 /// A tile in physical units, voids NaN.
 struct Tile {
@@ -119,6 +119,7 @@ fn c_tile(tile: &Tile) -> eld_tile_t {
         sun_azimuth_deg: known(tile.sun.azimuth_deg),
         sun_elevation_deg: known(tile.sun.elevation_deg),
         network_alone: 0,
+        processor_checks: 0,
         image,
         coarse_m: tile.coarse_m.as_ptr(),
         coarse_len: PX,
@@ -208,6 +209,7 @@ fn as_strip(model: Model<'_>, tile: &Tile, light: Lighting) -> (Made, Vec<u8>) {
         pixel_m: RULES.pixel_m,
         coarse_px: RULES.coarse_px,
         anchor: RULES.anchor,
+        checked: false,
         light,
         pixels: PixelForm::F32,
         posts: None,

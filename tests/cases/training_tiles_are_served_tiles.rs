@@ -193,7 +193,7 @@ fn the_flight_runner_sees_training_tiles() {
         let mut runner = Runner::with_kernel(nano.kernel(), nano.model(), &mut arena).unwrap();
         let (mut found_m, mut expected_m) = (vec![0.0; tile.image.len()], vec![0.0; tile.image.len()]);
         let RawTile { image, coarse_m, pixel_m, coarse_px, sun, .. } = &tile;
-        let rules = TileRules { pixel_m: *pixel_m, coarse_px: *coarse_px, anchor: false };
+        let rules = TileRules { pixel_m: *pixel_m, coarse_px: *coarse_px, anchor: false, checked: false };
         let light = TileLight::Own(*sun);
         let input = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: SHAPE, light };
         let (mut memory, mut job) = (JobMemory::default(), TileJob::new(rules, nano.input_rules(), SHAPE));

@@ -28,6 +28,8 @@ pub enum JobError<F> {
         /// What has changed.
         part: TilePart,
     },
+    /// The heights, made twice from the network's output, differ: the processor erred, or memory changed. The tile must begin again.
+    Unequal,
     /// A call out of order.
     State,
 }
@@ -40,6 +42,7 @@ impl<F: fmt::Display> fmt::Display for JobError<F> {
             Self::Rules(error) => error.fmt(f),
             Self::Height { found, low, high } => write!(f, "heights of {low} to {high} m expected, {found} found"),
             Self::Changed { part } => write!(f, "the tile's memory as it was left expected, {part:?} changed"),
+            Self::Unequal => f.write_str("heights made twice differ: begin the tile again"),
             Self::State => f.write_str("the tile is not prepared"),
         }
     }

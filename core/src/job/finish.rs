@@ -1,6 +1,7 @@
 //! The units of work after the network.
 
 use super::{JobError, Made, Network, Pass, TileJob, TileMemory};
+use crate::nn::sum_floats;
 use crate::norm::{Anchor, FineWaves};
 use crate::part::{copy, head, part_mut};
 use crate::photoclinometry::ExpectedErrors;
@@ -51,8 +52,8 @@ impl TileJob {
                 }
                 // Memory or code may have changed since the network's heights were checked.
                 check(heights_m, coarse_m)?;
-                self.to(Pass::Finished);
-                16
+                self.end_round(heights_m)?;
+                20
             }
             _ => {
                 copy(heights_m, coarse_m);
@@ -66,6 +67,22 @@ impl TileJob {
             }
         };
         Ok(work * pixels as u64)
+    }
+
+    /// Ends a round. Where the processor may err the heights are made twice, because this work is a small part of a tile's: both rounds must
+    /// lead to the same.
+    fn end_round<F>(&mut self, heights_m: &[f32]) -> Result<(), JobError<F>> {
+        if !self.rules.checked {
+            self.to(Pass::Finished);
+            return Ok(());
+        }
+        let sum = sum_floats(heights_m);
+        match self.first_round.replace(sum) {
+            None => self.to(Pass::Output),
+            Some(first) if first == sum => self.to(Pass::Finished),
+            Some(_) => return Err(JobError::Unequal),
+        }
+        Ok(())
     }
 
     /// Gives a tile up whose network reports a fault: it keeps its coarse heights.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! prepare   take samples, fit the light, fill voids, make the maps of the guide, load them into the network
-//! run       the network; then heights in metres, anchored to the coarse DTM, weighed, settled on it
+//! run       the network; then, twice, heights in metres, anchored to the coarse DTM, weighed, settled on it
 //! ```
 //!
 //! A [`TileJob`] is plain numbers. The caller lends memory ([`TileMemory`]) and a [`Network`], and says with every call how much work may be
@@ -30,7 +30,7 @@
 //! let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: shape, light: TileLight::Own(sun) };
 //!
 //! let mut runner = Runner::new(model, &mut arena)?;
-//! let mut job = TileJob::new(TileRules { pixel_m: 2.0, coarse_px: 30.0, anchor: true }, rules, shape);
+//! let mut job = TileJob::new(TileRules { pixel_m: 2.0, coarse_px: 30.0, anchor: true, checked: false }, rules, shape);
 //! while job.prepare(&mut runner, &tile, &mut memory, 5_000_000)? == Progress::Running {}
 //! while job.run(&mut runner, &mut memory, 5_000_000)? == Progress::Running {}
 //! assert_eq!(job.made(), Some(Made::Predicted));
@@ -76,6 +76,11 @@ pub struct TileRules {
     /// Whether the long waves are the coarse DTM's ([`crate::norm::Anchor`]), and of the short ones is kept what the image shows
     /// ([`FineWaves`]; our choice). Otherwise they are the network's (the paper).
     pub anchor: bool,
+    /// Whether the processor may err: the network's products are compared with sums found in a second way ([`Runner::check_products`]), and the
+    /// heights are made from its output twice.
+    ///
+    /// [`Runner::check_products`]: crate::nn::Runner::check_products
+    pub checked: bool,
 }
 
 /// A tile in physical units; maps are row-major rows * cols of the network's tile.
@@ -157,6 +162,8 @@ pub struct TileJob {
     expected: Option<ExpectedErrors>,
     fine: FineWaves,
     seals: guard::Seals,
+    /// Checksum of the heights of the first of two rounds after the network.
+    first_round: Option<u32>,
 }
 
 impl TileJob {
@@ -185,6 +192,7 @@ impl TileJob {
             expected: None,
             fine: FineWaves::WHOLE,
             seals: guard::Seals::default(),
+            first_round: None,
         }
     }
 

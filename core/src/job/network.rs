@@ -16,11 +16,11 @@ pub trait Network {
     /// What can go wrong.
     type Fault;
 
-    /// Drops the tile before and prepares for the rows of the next.
+    /// Drops the tile before and prepares for the rows of the next. `checked` is [`super::TileRules::checked`].
     ///
     /// # Errors
     /// The network's fault.
-    fn begin(&mut self) -> Result<(), Self::Fault>;
+    fn begin(&mut self, checked: bool) -> Result<(), Self::Fault>;
 
     /// Takes a row of an input. `samples` writes samples from a row-major index on, within the row; it asks for multiples of the number of maps.
     ///
@@ -40,7 +40,7 @@ pub trait Network {
     /// The network's fault; then the tile is lost.
     fn step(&mut self, budget: u64) -> Result<Progress, Self::Fault>;
 
-    /// Writes the output of the finished tile, row-major, in the units of the coarse DTM.
+    /// Writes the output of the finished tile, row-major, in the units of the coarse DTM; the same in every call.
     ///
     /// # Errors
     /// The network's fault.
@@ -50,7 +50,8 @@ pub trait Network {
 impl Network for Runner<'_, '_> {
     type Fault = RunError;
 
-    fn begin(&mut self) -> Result<(), RunError> {
+    fn begin(&mut self, checked: bool) -> Result<(), RunError> {
+        self.check_products(checked);
         self.prepare()
     }
 

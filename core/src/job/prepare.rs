@@ -290,7 +290,7 @@ impl TileJob {
         let (row, map) =
             (self.unit as usize, if self.pass == Pass::LoadImage { InputMap::Image } else { InputMap::Coarse });
         if (row, map) == (0, InputMap::Image) {
-            network.begin()?;
+            network.begin(self.rules.checked)?;
         }
         if let Some(form) = self.form {
             let tile = GuideInput {

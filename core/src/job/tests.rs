@@ -29,7 +29,7 @@ impl Lent {
     }
 }
 
-const RULES: TileRules = TileRules { pixel_m: 2.0, coarse_px: 6.0, anchor: true };
+const RULES: TileRules = TileRules { pixel_m: 2.0, coarse_px: 6.0, anchor: true, checked: true };
 
 /// Makes a tile with steps of a budget.
 pub(crate) fn made(
@@ -67,7 +67,7 @@ impl Echo {
 impl Network for Echo {
     type Fault = ();
 
-    fn begin(&mut self) -> Result<(), ()> {
+    fn begin(&mut self, _checked: bool) -> Result<(), ()> {
         (self.begun, self.steps) = (self.begun + 1, 0);
         Ok(())
     }
@@ -347,6 +347,23 @@ fn a_tile_that_is_given_up_keeps_its_coarse_heights() {
         assert!(memory.coarse_m.iter().all(|z| z.is_finite()) && job.expected().unwrap().lit().explained == 0.0);
     }
     assert!(steps > 500);
+}
+
+#[test]
+fn heights_that_differ_the_second_time_end_the_tile() {
+    let (image, coarse_m) = ground();
+    let input = rules(Illumination::Sloped);
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::default() };
+    let (mut echo, mut lent) = (Echo::new(SLOPED_MAPS), Lent::new(&input, TILE));
+    let (mut memory, mut job) = (lent.memory(), TileJob::new(RULES, input, TILE));
+    while job.prepare(&mut echo, &tile, &mut memory, 1).unwrap() == Progress::Running {}
+    while job.first_round.is_none() {
+        assert_eq!(job.run(&mut echo, &mut memory, 1), Ok(Progress::Running));
+    }
+    let mut wrong = job;
+    assert_eq!(job.run(&mut echo, &mut memory, u64::MAX), Ok(Progress::Done));
+    echo.coarse[77] += 1e-3;
+    assert_eq!(wrong.run(&mut echo, &mut memory, u64::MAX), Err(JobError::Unequal));
 }
 
 #[test]

@@ -17,7 +17,7 @@ const PASSES: [Pass; 22] = {
 
 impl TileJob {
     /// Number of words of a job.
-    pub const WORDS: usize = 134;
+    pub const WORDS: usize = 137;
 
     /// Returns the job as words.
     #[must_use]
@@ -31,7 +31,7 @@ impl TileJob {
     /// are harmless: the worst they can do is to make other heights.
     #[must_use]
     pub fn from_words(mut words: [u64; Self::WORDS], input: InputRules, tile: Shape) -> Option<Self> {
-        let mut job = Self::new(TileRules { pixel_m: 0.0, coarse_px: 0.0, anchor: false }, input, tile);
+        let mut job = Self::new(TileRules { pixel_m: 0.0, coarse_px: 0.0, anchor: false, checked: false }, input, tile);
         let mut words = Words::reading(&mut words);
         job.visit(&mut words);
         words.is_legal().then_some(job)
@@ -39,10 +39,11 @@ impl TileJob {
 
     /// Writes or reads it.
     pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
-        let TileRules { pixel_m, coarse_px, anchor } = &mut self.rules;
+        let TileRules { pixel_m, coarse_px, anchor, checked } = &mut self.rules;
         words.f32(pixel_m);
         words.f32(coarse_px);
         words.bool(anchor);
+        words.bool(checked);
         words.choice(&mut self.pass, &PASSES);
         words.u32(&mut self.unit);
         words.choice(&mut self.made, &[Made::Predicted, Made::Coarse, Made::Empty]);
@@ -65,5 +66,6 @@ impl TileJob {
         });
         self.fine.visit(words);
         self.seals.visit(words);
+        words.option(&mut self.first_round, 0, |sum, words| words.u32(sum));
     }
 }

@@ -51,6 +51,12 @@ pub enum RunError {
         /// Number of the row.
         row: u32,
     },
+    /// Sums of products differ from their checksums: the processor erred, or memory changed while it read. The tile is lost and must begin
+    /// again.
+    Miscomputed {
+        /// Number of the entry of the schedule.
+        entry: u32,
+    },
 }
 
 impl RunError {
@@ -65,6 +71,7 @@ impl RunError {
             Self::ModelChanged { chunk } => (5, chunk as usize, 0),
             Self::ProgramChanged { entry } => (6, entry as usize, 0),
             Self::DataChanged { tensor, row } => (7, tensor as usize, row as usize),
+            Self::Miscomputed { entry } => (8, entry as usize, 0),
         };
         words.u32(&mut kind);
         words.usize(&mut first);
@@ -77,6 +84,7 @@ impl RunError {
             5 => Self::ModelChanged { chunk: first as u32 },
             6 => Self::ProgramChanged { entry: first as u32 },
             7 => Self::DataChanged { tensor: first as u32, row: second as u32 },
+            8 => Self::Miscomputed { entry: first as u32 },
             _ => Self::State,
         };
     }
@@ -101,6 +109,9 @@ impl fmt::Display for RunError {
             }
             Self::DataChanged { tensor, row } => {
                 write!(f, "row {row} of tensor {tensor} changed in memory: begin the tile again")
+            }
+            Self::Miscomputed { entry } => {
+                write!(f, "entry {entry} of the model's schedule was computed wrongly: begin the tile again")
             }
         }
     }

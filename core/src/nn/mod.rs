@@ -29,6 +29,7 @@
 //! ```
 
 mod arena;
+mod code;
 mod crc;
 mod dispatch;
 mod error;
@@ -48,6 +49,7 @@ mod suspend;
 mod tensor;
 mod tools;
 
+pub use code::CodeSum;
 pub use dispatch::Kernel;
 pub use error::RunError;
 pub use file::error::ModelError;

@@ -21,8 +21,8 @@ use crate::words::Words;
 pub struct Suspended {
     /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::VERIFYING`].
     pub phase: u32,
-    /// 1 for a runner without protection of its memory, 0 otherwise.
-    pub trusting: u32,
+    /// [`Suspended::TRUSTING`] and [`Suspended::CHECKED`], or 0.
+    pub protection: u32,
     /// Current entry of the schedule, or the next chunk of the model to be compared; else 0. `step` and `unit` are 0 unless a tile is in
     /// progress.
     pub entry: u32,
@@ -50,13 +50,18 @@ impl Suspended {
     /// All operators of a tile are done; the model is being compared.
     pub const VERIFYING: u32 = 3;
 
+    /// Protection: memory is not looked at ([`Runner::protect`]).
+    pub const TRUSTING: u32 = 1;
+    /// Protection: the processor is looked at ([`Runner::check_products`]).
+    pub const CHECKED: u32 = 2;
+
     /// Number of words of a position.
     pub(crate) const WORDS: usize = 18;
 
     /// Writes or reads it.
     pub(crate) fn visit(&mut self, words: &mut Words<'_>) {
-        let Self { phase, trusting, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc, telemetry: t } = self;
-        for v in [phase, trusting, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc] {
+        let Self { phase, protection, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc, telemetry: t } = self;
+        for v in [phase, protection, entry, step, unit, scrub_chunk, scrub_offset, scrub_crc] {
             words.u32(v);
         }
         let Telemetry { tiles, steps, macs, inputs_clamped, saturated, .. } = t;
@@ -80,7 +85,7 @@ impl<'a, 'm> Runner<'a, 'm> {
         let (scrub_chunk, scrub_offset, scrub_crc) = self.scrub.position();
         Suspended {
             phase,
-            trusting: !self.protected as u32,
+            protection: (!self.protected as u32 * Suspended::TRUSTING) | (self.checked as u32 * Suspended::CHECKED),
             entry: entry as u32,
             step: step as u32,
             unit: unit as u32,
@@ -103,11 +108,12 @@ impl<'a, 'm> Runner<'a, 'm> {
     ) -> Result<Self, RunError> {
         let mut runner = Self::with_kernel(kernel, model, arena)?;
         runner.state = state(&model, suspended).ok_or(RunError::State)?;
-        runner.protected = match suspended.trusting {
-            0 => true,
-            1 => false,
-            _ => return Err(RunError::State),
-        };
+        let protection = suspended.protection;
+        if protection & !(Suspended::TRUSTING | Suspended::CHECKED) != 0 {
+            return Err(RunError::State);
+        }
+        runner.protected = protection & Suspended::TRUSTING == 0;
+        runner.checked = protection & Suspended::CHECKED != 0;
         let Suspended { scrub_chunk, scrub_offset, scrub_crc, telemetry, .. } = *suspended;
         runner.scrub = Scrub::at(model.raw(), scrub_chunk, scrub_offset as usize, scrub_crc).ok_or(RunError::State)?;
         runner.telemetry = telemetry;

@@ -128,7 +128,7 @@ impl StripPaused {
     /// Returns the position of these words, for a network with these rules and a tile of this shape; `None` if they are not those of a strip.
     #[must_use]
     pub fn from_words(mut words: [u64; Self::WORDS], input: InputRules, tile: Shape) -> Option<Self> {
-        let rules = TileRules { pixel_m: 0.0, coarse_px: 0.0, anchor: false };
+        let rules = TileRules { pixel_m: 0.0, coarse_px: 0.0, anchor: false, checked: false };
         let mut paused = Self { runner: Suspended::default(), at: At::new(TileJob::new(rules, input, tile)) };
         let mut words = Words::reading(&mut words);
         paused.visit(&mut words);
@@ -149,7 +149,7 @@ impl StripPaused {
 
 impl StripSettings {
     /// Number of words of settings.
-    pub const WORDS: usize = 29;
+    pub const WORDS: usize = 30;
 
     /// Returns the settings as words.
     #[must_use]
@@ -169,6 +169,7 @@ impl StripSettings {
             pixel_m: 0.0,
             coarse_px: 0.0,
             anchor: false,
+            checked: false,
             light: Lighting::NOT_ASKED,
             pixels: PixelForm::F32,
             posts: None,
@@ -184,6 +185,7 @@ impl StripSettings {
         [cols, ring_lines, overlap_px].into_iter().for_each(|v| words.usize(v));
         [pixel_m, coarse_px].into_iter().for_each(|v| words.f32(v));
         words.bool(&mut self.anchor);
+        words.bool(&mut self.checked);
         words.bool(&mut self.expected_errors);
         self.light.visit(words);
         self.pixels.visit(words);

@@ -27,6 +27,7 @@
 //!     pixel_m: 2.0,
 //!     coarse_px: 30.0,
 //!     anchor: true,
+//!     checked: false,
 //!     light,
 //!     pixels: PixelForm { format: PixelFormat::U16Le, ..PixelForm::F32 },
 //!     posts: Some(grid),

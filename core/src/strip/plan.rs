@@ -29,6 +29,8 @@ pub struct StripSettings {
     /// Whether each tile takes the long waves from the coarse DTM ([`crate::norm::Anchor`]), and keeps of short ones what the image shows
     /// ([`crate::norm::FineWaves`]).
     pub anchor: bool,
+    /// Whether the processor may err ([`TileRules::checked`]).
+    pub checked: bool,
     /// The light of the whole strip ([`Lighting::decide`] for its model); [`Lighting::NOT_ASKED`] for models that know any light.
     pub light: Lighting,
     /// The pixels of the image's lines. The lines are kept as they come.
@@ -128,8 +130,8 @@ impl StripPlan {
 
     /// Returns a job for the next tile.
     pub(super) fn job(&self, model: &Model<'_>) -> TileJob {
-        let StripSettings { pixel_m, coarse_px, anchor, .. } = self.settings;
-        TileJob::new(TileRules { pixel_m, coarse_px, anchor }, model.input_rules(), self.tile)
+        let StripSettings { pixel_m, coarse_px, anchor, checked, .. } = self.settings;
+        TileJob::new(TileRules { pixel_m, coarse_px, anchor, checked }, model.input_rules(), self.tile)
     }
 
     /// Returns the settings.

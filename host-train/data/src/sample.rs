@@ -86,7 +86,7 @@ impl Sample {
         let RawTile { rows, cols, pixel_m, coarse_px, ref image, ref coarse_m, ref truth_m, sun } = *tile;
         let (rules, shape, light) = (config.input_rules(), Shape::new(rows, cols), TileLight::Own(sun));
         let input = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: shape, light };
-        let how = TileRules { pixel_m, coarse_px, anchor: false };
+        let how = TileRules { pixel_m, coarse_px, anchor: false, checked: false };
         let (InputMaps { image, coarse, .. }, job) = InputMaps::of(how, rules, shape, &input).map_err(|e| match e {
             JobError::State => bad(&"it has no relief, or a constant image"),
             e => bad(&e),

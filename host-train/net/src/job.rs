@@ -72,7 +72,7 @@ impl InputMaps {
 impl Network for InputMaps {
     type Fault = String;
 
-    fn begin(&mut self) -> Result<(), String> {
+    fn begin(&mut self, _checked: bool) -> Result<(), String> {
         Ok(())
     }
 

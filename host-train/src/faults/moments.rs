@@ -65,7 +65,7 @@ impl Moments {
         let mut arena = vec![0; required(&model)];
         let mut runner = Runner::new(model, &mut arena).map_err(fault)?;
         runner.protect(protected);
-        let rules = TileRules { pixel_m: tile.pixel_m as f32, coarse_px, anchor: true };
+        let rules = TileRules { pixel_m: tile.pixel_m as f32, coarse_px, anchor: true, checked: false };
         let (mut memory, mut job) = (JobMemory::default(), TileJob::new(rules, model.input_rules(), model.tile()));
         let mut memory = memory.lend(&model.input_rules(), model.tile());
         let unusable = |e: &dyn Display| Error::input(format!("faults: the tile: {e}"));

@@ -257,6 +257,7 @@ fn settings(model: &Model<'_>, scene: &SynthScene) -> (StripSettings, PostGrid) 
         pixel_m: scene.pixel_m as f32,
         coarse_px: (COARSE_PIXEL_M / scene.pixel_m) as f32,
         anchor: true,
+        checked: false,
         light: Lighting::decide(model.illumination(), sun, &LightFit::default()),
         pixels: PixelForm { format: PixelFormat::U16Le, ..PixelForm::F32 },
         posts: Some(grid),

@@ -96,7 +96,7 @@
 #define ELD_REFUSED_TILE_MASKED           UINT32_C(0x80040005) /**< no pixel of the tile is valid in both maps */
 #define ELD_REFUSED_TILE_POSTS            UINT32_C(0x80040009) /**< the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well */
 #define ELD_REFUSED_TILE_LIGHT            UINT32_C(0x8004000b) /**< the light of the scene is none that eld_light_decide gives for this model */
-#define ELD_REFUSED_TILE_OPTION           UINT32_C(0x8004000a) /**< network_alone is neither 0 nor 1 */
+#define ELD_REFUSED_TILE_OPTION           UINT32_C(0x8004000a) /**< network_alone or processor_checks is neither 0 nor 1 */
 #define ELD_REFUSED_TILE_FORMAT           UINT32_C(0x80040008) /**< the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist */
 
 #define ELD_REFUSED_STRIP_SETTINGS        UINT32_C(0x80070001) /**< an overlap, a number of lines kept or a choice of the strip's settings that does not exist */
@@ -115,7 +115,7 @@
 
 #define ELD_FAULT_SELF_TEST               UINT32_C(0xc0050001) /**< the self test's output is not the one stored in the model */
 #define ELD_FAULT_RUN                     UINT32_C(0xc0050002) /**< the run stands at a place that the model does not have; the tile is lost */
-#define ELD_FAULT_DATA_CHANGED            UINT32_C(0xc0050004) /**< a map of the tile has changed in memory; the tile is lost: begin it again */
+#define ELD_FAULT_DATA_CHANGED            UINT32_C(0xc0050004) /**< a map of the tile has changed in memory, or the processor has erred; the tile is lost: begin it again */
 #define ELD_FAULT_HEIGHT                  UINT32_C(0xc0050005) /**< the network gave a height that no ground has; the tile is lost */
 #define ELD_FAULT_INTERRUPTED             UINT32_C(0xc0050003) /**< the call before did not return; the tile is lost */
 
@@ -550,6 +550,10 @@ typedef struct {
      */
     uint32_t network_alone;
     /**
+     * 1: sums of the network's products are found in a second way, and heights are made twice, because the processor may err. 0: neither.
+     */
+    uint32_t processor_checks;
+    /**
      * Relative brightness.
      */
     eld_pixels_t image;
@@ -752,9 +756,9 @@ typedef struct {
      */
     uint32_t post_cols;
     /**
-     * 0.
+     * 1: sums of the network's products are found in a second way, and heights are made twice, because the processor may err. 0: neither.
      */
-    uint32_t reserved;
+    uint32_t processor_checks;
     /**
      * Row of the posts at the centre of the strip's first line. (0, 0) is the centre of the first post.
      */

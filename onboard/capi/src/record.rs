@@ -122,7 +122,7 @@ words!(r:
     [r.lights_assumed]
     [r.tiles_dropped]
     [r.lights_added]
-    [r.last_fault, r.suspended.trusting]
+    [r.last_fault, r.suspended.protection]
     [r.verdict.sum_count, r.dark_crc]
     [r.suspended.telemetry.tile_faults]
     [r.expected_bits[0], r.expected_bits[1]]

@@ -199,6 +199,7 @@ pub(crate) fn job_status(error: JobError<RunError>) -> eld_status_t {
         JobError::Height { .. } => ELD_FAULT_HEIGHT,
         JobError::Changed { part: TilePart::Valid } => ELD_FAULT_VALIDITY,
         JobError::Changed { .. } => ELD_FAULT_DATA_CHANGED,
+        JobError::Unequal => ELD_FAULT_DATA_CHANGED,
         // Lengths and order are validated before the job is called.
         JobError::Length(_) | JobError::State => ELD_FAULT_RUN,
     }
@@ -210,7 +211,7 @@ pub(crate) fn run_status(error: RunError) -> eld_status_t {
         RunError::TileSize { .. } => ELD_REFUSED_BUFFER,
         RunError::SelfTest { .. } => ELD_FAULT_SELF_TEST,
         RunError::ModelChanged { .. } | RunError::ProgramChanged { .. } => ELD_FAULT_MODEL_CHANGED,
-        RunError::DataChanged { .. } => ELD_FAULT_DATA_CHANGED,
+        RunError::DataChanged { .. } | RunError::Miscomputed { .. } => ELD_FAULT_DATA_CHANGED,
         // Memory, samples and order are validated before the runner is called.
         RunError::ArenaTooSmall { .. } | RunError::NotFinite { .. } | RunError::State => ELD_FAULT_RUN,
     }

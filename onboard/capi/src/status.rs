@@ -134,7 +134,7 @@ statuses! {
     ELD_REFUSED_TILE_MASKED = REFUSED, TILE, 5, "no pixel of the tile is valid in both maps";
     ELD_REFUSED_TILE_POSTS = REFUSED, TILE, 9, "the posts are not whole rows, a number of their grid is not finite, or coarse_m is given as well";
     ELD_REFUSED_TILE_LIGHT = REFUSED, TILE, 11, "the light of the scene is none that eld_light_decide gives for this model";
-    ELD_REFUSED_TILE_OPTION = REFUSED, TILE, 10, "network_alone is neither 0 nor 1";
+    ELD_REFUSED_TILE_OPTION = REFUSED, TILE, 10, "network_alone or processor_checks is neither 0 nor 1";
     ELD_REFUSED_TILE_FORMAT = REFUSED, TILE, 8, "the image has no format of ELD_PIXELS_*, a gain or offset that is not finite, or flags that do not exist";
 
     ELD_REFUSED_STRIP_SETTINGS = REFUSED, STRIP, 1, "an overlap, a number of lines kept or a choice of the strip's settings that does not exist";
@@ -151,7 +151,7 @@ statuses! {
     ELD_FAULT_LINES = FAULT, TILE, 3, "a line that is kept for the terrain maps has changed in memory; the grid is lost: begin it again";
     ELD_FAULT_SELF_TEST = FAULT, RUN, 1, "the self test's output is not the one stored in the model";
     ELD_FAULT_RUN = FAULT, RUN, 2, "the run stands at a place that the model does not have; the tile is lost";
-    ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory; the tile is lost: begin it again";
+    ELD_FAULT_DATA_CHANGED = FAULT, RUN, 4, "a map of the tile has changed in memory, or the processor has erred; the tile is lost: begin it again";
     ELD_FAULT_HEIGHT = FAULT, RUN, 5, "the network gave a height that no ground has; the tile is lost";
     ELD_FAULT_INTERRUPTED = FAULT, RUN, 3, "the call before did not return; the tile is lost";
     ELD_FAULT_CONTEXT_LOST = FAULT, CONTEXT, 1, "no context there, or both its copies are damaged: call eld_init again";

@@ -272,6 +272,8 @@ pub struct eld_tile_t {
     pub sun_elevation_deg: f32,
     /// 0: heights as the ground's `elunar predict` writes them. 1: the network decides about long and short waves, too (the paper).
     pub network_alone: u32,
+    /// 1: sums of the network's products are found in a second way, and heights are made twice, because the processor may err. 0: neither.
+    pub processor_checks: u32,
     /// Relative brightness.
     pub image: eld_pixels_t,
     /// Coarse DTM on the image's grid, metres above the 1737.4 km sphere; NULL with `posts`.

@@ -94,6 +94,7 @@ fn tile(maps: &Inputs) -> eld_tile_t {
         sun_azimuth_deg: 300.0,
         sun_elevation_deg: 30.0,
         network_alone: 0,
+        processor_checks: 0,
         image: eld_pixels_t {
             data: maps.image.as_ptr().cast(),
             data_bytes: size_of_val(&maps.image[..]),

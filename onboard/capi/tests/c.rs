@@ -47,6 +47,7 @@ fn golden_strip() -> Vec<f32> {
         pixel_m: tile.pixel_m,
         coarse_px: tile.coarse_px,
         anchor: true,
+        checked: false,
         light: Lighting::decide(model.illumination(), sun, &LightFit::default()),
         pixels: PixelForm::F32,
         posts: None,
@@ -218,14 +219,14 @@ fn structures_are_laid_out_alike() {
     lay_out! {
         eld_model_info_t { struct_bytes, memory_bytes, largest_unit_macs, header_crc, range_margin }
         eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from }
-        eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, image, coarse_m, coarse_len, valid, valid_len, posts, light }
+        eld_tile_t { struct_bytes, pixel_m, sun_elevation_deg, network_alone, processor_checks, image, coarse_m, coarse_len, valid, valid_len, posts, light }
         eld_terrain_options_t { struct_bytes, cols, radius_px, sigmas, sun_elevation_deg }
         eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard }
         eld_lighting_t { struct_bytes, source, east, long_share, azimuth_sd_deg }
         eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_telemetry_t { struct_bytes, valid_px, header_crc, calls, self_test_faults }
-        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels, light }
+        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, processor_checks, post_row0, post_cols_per_px, pixels, light }
         eld_strip_telemetry_t { struct_bytes, last_fault, ready, tiles, pieces_lost, tile_faults }
     }
     let folder = folder("layout");

@@ -43,7 +43,7 @@ fn surveyed(tiles: &[Tile]) -> LightSurvey {
         let mut lines = vec![0.0; TileMemory::lines_len(shape)];
         let mut memory =
             TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
-        let how = TileRules { pixel_m: tile.pixel_m, coarse_px: tile.coarse_px, anchor: true };
+        let how = TileRules { pixel_m: tile.pixel_m, coarse_px: tile.coarse_px, anchor: true, checked: false };
         let mut job = TileJob::new(how, rules, shape);
         assert_eq!(job.survey(&input, &mut memory, u64::MAX), Ok(Progress::Done));
         all.add(&job.shown());

@@ -335,6 +335,9 @@ const CASES: &[Case] = &[
     (ELD_REFUSED_TILE_SIZE, "a coarse DTM too long", || begin_tile(|tile| tile.coarse_m.push(0.0))),
     (ELD_REFUSED_TILE_SIZE, "a mask without length", || begin_with(|tile| tile.valid_len = 0)),
     (ELD_REFUSED_TILE_OPTION, "a network that is neither alone nor not", || begin_with(|tile| tile.network_alone = 2)),
+    (ELD_REFUSED_TILE_OPTION, "checks that are neither asked for nor not", || {
+        begin_with(|tile| tile.processor_checks = 2)
+    }),
     (ELD_REFUSED_TILE_MASK, "a mask of 2", || begin_tile(|tile| tile.valid.as_mut().unwrap()[77] = 2)),
     (ELD_REFUSED_TILE_PIXEL, "a pixel without size", || begin_with(|tile| tile.pixel_m = 0.0)),
     (ELD_REFUSED_TILE_PIXEL, "a coarse pixel of NaN", || begin_with(|tile| tile.coarse_px = f32::NAN)),

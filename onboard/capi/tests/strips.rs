@@ -41,9 +41,9 @@ fn settings() -> eld_strip_settings_t {
         sun_azimuth_deg: 189.488_53,
         sun_elevation_deg: 25.614_722,
         network_alone: 0,
+        processor_checks: 0,
         expected_errors: 1,
         post_cols: POST_COLS as u32,
-        reserved: 0,
         post_row0: 1.25,
         post_rows_per_line: 1.0 / 29.61,
         post_col0: 1.5,
@@ -194,6 +194,7 @@ fn expected() -> Made {
         pixel_m: 2.0,
         coarse_px: 29.61,
         anchor: true,
+        checked: false,
         light: Lighting::decide(model.illumination(), sun, &LightFit::default()),
         pixels: PixelForm { format, gain: 0.5, offset: 3.0, null_code: Some(0), saturated_from: None },
         posts: Some(grid),
@@ -300,7 +301,7 @@ fn settings_that_cannot_be_are_refused() {
         eld_strip_settings_t { ring_lines: 256, ..good },
         eld_strip_settings_t { network_alone: 2, ..good },
         eld_strip_settings_t { expected_errors: 2, ..good },
-        eld_strip_settings_t { reserved: 1, ..good },
+        eld_strip_settings_t { processor_checks: 2, ..good },
     ] {
         assert_eq!(refused(settings), Some(ELD_REFUSED_STRIP_SETTINGS));
     }

@@ -228,10 +228,11 @@ fn another_structure_begins_another_tile() {
     context.finish();
     assert_same(&context.output().unwrap(), &other.expected(), "other");
     // Every field of the structure makes another tile.
-    let changes: [fn(&mut eld_tile_t); 5] = [
+    let changes: [fn(&mut eld_tile_t); 6] = [
         |tile| tile.coarse_px += 1.0,
         |tile| tile.sun_azimuth_deg += 1.0,
         |tile| tile.network_alone = 1,
+        |tile| tile.processor_checks = 1,
         |tile| tile.image.gain = 2.0,
         |tile| (tile.valid, tile.valid_len) = (std::ptr::null(), 0),
     ];
@@ -313,6 +314,15 @@ fn the_network_alone_makes_other_heights() {
     let alone = tile.expected();
     assert!(bits(&usual.0) != bits(&alone.0) && usual.1 == alone.1);
     assert_same(&heights_of(&tile.c()), &alone, "alone");
+}
+
+#[test]
+fn a_processor_that_is_checked_makes_the_same_heights() {
+    let mut tile = Tile::golden();
+    let usual = tile.expected();
+    tile.processor_checks = true;
+    assert_same(&tile.expected(), &usual, "core");
+    assert_same(&heights_of(&tile.c()), &usual, "C");
 }
 
 #[test]

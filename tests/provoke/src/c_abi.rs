@@ -103,6 +103,7 @@ impl Tile {
             sun_azimuth_deg: 70.0 * number as f32,
             sun_elevation_deg: if number == 2 { f32::NAN } else { 30.0 },
             network_alone: 0,
+            processor_checks: 0,
             image: eld_pixels_t {
                 data: null(),
                 data_bytes: 0,
@@ -142,7 +143,7 @@ impl Tile {
             3 => self.c.coarse_len = reader.size(1 << 20),
             4 => self.c.valid_len = reader.size(1 << 20),
             5 => self.c.struct_bytes = value,
-            6 => self.c.network_alone = value % 3,
+            6 => (self.c.network_alone, self.c.processor_checks) = (value % 3, value / 3 % 3),
             7 => self.c.pixel_m = float,
             8 => self.c.coarse_px = float,
             9 => (self.c.sun_azimuth_deg, self.c.sun_elevation_deg) = (float, f32::from_bits(reader.word())),

@@ -17,7 +17,7 @@ macro_rules! instantiate {
             arena: &mut Arena<'_>,
             step: usize,
             unit: usize,
-        ) -> u64 {
+        ) -> Option<u64> {
             #[target_feature(enable = $features)]
             fn compiled(
                 constants: &Constants<'_>,
@@ -25,7 +25,7 @@ macro_rules! instantiate {
                 arena: &mut Arena<'_>,
                 step: usize,
                 unit: usize,
-            ) -> u64 {
+            ) -> Option<u64> {
                 ops::run::<$isa>(constants, prepared, arena, step, unit)
             }
             // SAFETY: [`super::select`] offers this kernel only to processors with the features.

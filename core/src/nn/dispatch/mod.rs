@@ -14,8 +14,8 @@ use super::sum::sum;
 #[derive(Clone, Copy)]
 pub struct Kernel {
     name: &'static str,
-    /// Does one unit of work ([`ops::run`]) and returns the number of codes cut.
-    pub(crate) unit: fn(&Constants<'_>, &Prepared, &mut Arena<'_>, usize, usize) -> u64,
+    /// Does one unit of work ([`ops::run`]) and returns the number of codes cut; `None` if its products are wrong.
+    pub(crate) unit: fn(&Constants<'_>, &Prepared, &mut Arena<'_>, usize, usize) -> Option<u64>,
     /// Computes the quick checksum of bytes ([`sum`]).
     pub(crate) sum: fn(&[u8]) -> u32,
     pub(crate) gemm: fn(&mut Accumulators, usize, &Patch<'_>, &[u8], usize),

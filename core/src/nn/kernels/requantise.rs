@@ -9,6 +9,7 @@ use crate::quant::limit::{limit, limit_wide};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// Constants for the accumulators of one panel.
+#[derive(PartialEq)]
 pub(crate) struct Requantise<'a> {
     pub(crate) out: &'a Tensor,
     /// First channel, number of existing channels, width of the panel.

@@ -227,13 +227,13 @@ impl<'a> Model<'a> {
                 *slot = Some(self.sealed_tensor(tensor)?);
             }
         }
-        Some(Prepared { operator, out: self.sealed_tensor(operator.output())?, inputs })
+        Some(Prepared { operator, out: self.sealed_tensor(operator.output())?, inputs, checked: false })
     }
 
     /// Returns an operator with its tensors, without a check of their records.
     pub(crate) fn prepared(&self, operator: &Operator) -> Prepared {
         let inputs = operator.inputs().map(|tensor| tensor.map(|tensor| self.tensor(tensor)));
-        Prepared { operator: *operator, out: self.tensor(operator.output()), inputs }
+        Prepared { operator: *operator, out: self.tensor(operator.output()), inputs, checked: false }
     }
 
     /// Number of multiply-accumulates of one unit of one step (a layer norm counts four per sample, an upsampling eight).

@@ -17,14 +17,16 @@
 //! the border row); columns left and right are the tensor's margin.
 
 use super::requantise::requantise;
+use super::witness::{LEAST_PIXELS, MOST_PRODUCTS, PatchRow, Sums, Witness, panel_sums};
 use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::file::{Conv, MAX_KERNEL, PHASE_TAPS, PHASES, Phase};
 use crate::nn::kernels::requantise::Target;
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, pixels_at_once};
-use crate::nn::panels::{groups, panel};
+use crate::nn::panels::{PANEL, groups, panel};
 use crate::nn::tensor::{Dtype, Tensor};
-use crate::part::{head, head_mut, item, part_mut};
+use crate::part::{head, head_mut, item, part, part_mut};
+use core::hint::black_box;
 
 /// A convolution with its tensors.
 struct Job<'a, 'm> {
@@ -38,6 +40,8 @@ struct Job<'a, 'm> {
     width: usize,
     /// Whether one of the sources has 16 bits.
     wide: bool,
+    /// Where `out`, `sources` and `add` are from.
+    prepared: &'a Prepared,
 }
 
 /// A set of filters, and the place of its first patch.
@@ -86,27 +90,23 @@ pub(crate) fn run<I: Isa>(
     arena: &mut Arena<'_>,
     step: usize,
     unit: usize,
-) -> u64 {
+) -> Option<u64> {
     let out = prepared.out;
     let (first, width) = panel(out.channels, unit);
     let [first_source, second_source, add] = prepared.inputs;
     let sources = [first_source, second_source];
     let wide = sources.iter().flatten().any(|t| t.dtype == Dtype::I16);
-    let job = Job { constants, conv, sources, add, first, width, wide, out };
+    let job = Job { constants, conv, sources, add, first, width, wide, out, prepared };
     let (begin, made) = (conv.step_rows() * step, conv.step_rows());
     let rows = begin..(begin + made).min(job.out.rows);
+    let filter = job.filter(0, 0, 0);
+    let (phases, every) = if conv.fold { (4, 2) } else { (1, 1) };
     let mut cut = 0;
-    if conv.fold {
-        // All rows with the same filter before the next filter, so that its weights stay in the cache.
-        for (down, across) in [(0, 0), (0, 1), (1, 0), (1, 1)] {
-            for row in rows.clone().skip(down).step_by(2) {
-                cut += job.run::<I>(arena, &job.folded(row, across));
-            }
-        }
-    } else {
-        let filter = job.filter(0, 0, 0);
-        for row in rows.clone() {
-            cut += job.run::<I>(arena, &job.plain(row, filter));
+    // All rows with the same filter before the next filter, so that its weights stay in the cache.
+    for phase in 0..phases {
+        for row in rows.clone().skip(phase / 2).step_by(every) {
+            let stretch = if conv.fold { job.folded(row, phase % 2) } else { job.plain(row, filter) };
+            cut += job.run::<I>(arena, &stretch)?;
         }
     }
     if first + width >= out.channels && out.margin > 0 {
@@ -114,7 +114,7 @@ pub(crate) fn run<I: Isa>(
             arena.fill_margins(&out, row);
         }
     }
-    cut
+    Some(cut)
 }
 
 impl<'m> Job<'_, 'm> {
@@ -174,11 +174,19 @@ impl<'m> Job<'_, 'm> {
         Filter { variant, row, col, rows, cols, weights }
     }
 
+    /// Computes a stretch; `None` if its products differ from their checksums, or its constants have changed.
     #[inline(always)]
-    fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> u64 {
+    fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> Option<u64> {
         let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
-        let requantise = requantise(self.constants, self.conv, &self.out, self.add, self.first, self.width, variants);
+        let numbers = requantise(self.constants, self.conv, &self.out, self.add, self.first, self.width, variants);
         let mut acc = [0; ACCUMULATORS];
+        let checked = self.prepared.checked
+            && stretch.count >= LEAST_PIXELS
+            && self.taps(stretch) * pixels_at_once(self.width) <= MOST_PRODUCTS;
+        if checked {
+            self.sum_products::<I>(arena, &mut acc, stretch);
+        }
+        let mut witness = Witness::new(&acc);
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
@@ -187,21 +195,70 @@ impl<'m> Job<'_, 'm> {
             let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)).max(1));
             let (filters, input_step) = (&stretch.filters, stretch.input_step);
             let patches = Patches { filters, skip: done * input_step, count: now, input_step };
-            self.products::<I>(arena, &mut acc, &patches);
+            let high = self.products::<I>(arena, &mut acc, &patches);
             if self.conv.fold {
                 for pixel in [0, stretch.count - 1] {
                     if (done..done + now).contains(&pixel) {
                         let corrections = self.corrections(stretch.row, stretch.col + 2 * pixel);
-                        self.correct::<I>(arena, &mut acc, pixel - done, &corrections);
+                        self.correct::<I>(arena, &mut acc, pixel - done, &corrections, &mut witness);
                     }
                 }
             }
             let col = stretch.col + done * stretch.col_step;
             let target = Target { row: stretch.row, col, col_step: stretch.col_step, pixels: now };
-            cut += requantise.run::<I>(arena, &acc, &target);
+            cut += numbers.run::<I>(arena, &acc, &target);
+            if checked {
+                witness.note(&panel_sums(&acc, now, self.width), &high);
+            }
             done += now;
         }
-        cut
+        if checked {
+            // The constants, too, were in memory without a checksum for the time of a stretch. The compiler must read them again.
+            let &Prepared { out, inputs: [.., add], .. } = black_box(self.prepared);
+            let constants = black_box(self.constants);
+            let again = requantise(constants, self.conv, &out, add, self.first, self.width, variants);
+            if !witness.holds(self.width) || numbers != again {
+                return None;
+            }
+        }
+        Some(cut)
+    }
+
+    /// Sets the sums of one pixel to the products of the sum of a stretch's patches, both planes alike.
+    #[inline(always)]
+    fn sum_products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, stretch: &Stretch<'m>) {
+        head_mut(acc, self.width).fill(0);
+        for filter in stretch.filters.iter().flatten() {
+            for (source, t) in self.sources.iter().enumerate() {
+                let Some(t) = t else { continue };
+                let weights = item(&filter.weights, source);
+                let groups = groups(filter.cols * t.channels);
+                let bytes = 4 * self.width * groups;
+                for plane in 0..t.dtype.bytes().min(2) {
+                    for k in 0..filter.rows {
+                        let (start, inside) = self.start(filter, t, plane, k, 0);
+                        let row = PatchRow {
+                            start,
+                            stride: stretch.input_step * t.channels,
+                            count: stretch.count,
+                            groups,
+                            outside: (!inside).then(|| zero_code(t, plane)),
+                        };
+                        row.add_products::<I>(arena, acc, part(weights, k * bytes, bytes), self.width);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Returns where a kernel row of a filter's patch begins, `skip` columns after the first patch, and whether the row is inside the map.
+    #[inline(always)]
+    fn start(&self, filter: &Filter<'_>, t: &Tensor, plane: usize, k: usize, skip: usize) -> (usize, bool) {
+        // Margins are at least as wide as the padding.
+        let col = (filter.col + (skip + t.margin) as isize).max(0) as usize * t.channels;
+        let row = filter.row + k as isize;
+        let inside = row.min(t.rows as isize - 1).max(0);
+        (t.row_offset(inside as usize) + col + plane * t.plane_bytes(), row == inside || self.conv.fold)
     }
 
     /// Adds the corrections for an output pixel to its sums, `acc[pixel]`.
@@ -212,6 +269,7 @@ impl<'m> Job<'_, 'm> {
         acc: &mut Accumulators,
         pixel: usize,
         corrections: &[Option<Filter<'m>>; 2],
+        witness: &mut Witness,
     ) {
         let mut more = [0; ACCUMULATORS];
         self.products::<I>(arena, &mut more, &Patches { filters: corrections, skip: 0, count: 1, input_step: 1 });
@@ -222,20 +280,30 @@ impl<'m> Job<'_, 'm> {
                 *more = more.wrapping_add(self.constants.i32_at(self.conv.bias, first + c));
             }
         }
+        witness.leave_out(head(&more, self.width));
         for (acc, more) in part_mut(acc, pixel * self.width, self.width).iter_mut().zip(&more) {
             *acc = acc.wrapping_add(*more);
         }
     }
 
-    /// Sets `acc` to the products of the patches and their filters.
+    /// Number of products of a pixel.
     #[inline(always)]
-    fn products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, patches: &Patches<'_, 'm>) {
-        let mut begun = false;
+    fn taps(&self, stretch: &Stretch<'_>) -> usize {
+        let channels: usize = self.sources.iter().flatten().map(|t| t.channels).sum();
+        stretch.filters.iter().flatten().map(|filter| filter.rows * filter.cols * channels).sum()
+    }
+
+    /// Sets `acc` to the products of the patches and their filters; returns the sums of the high planes over the pixels.
+    #[inline(always)]
+    fn products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, patches: &Patches<'_, 'm>) -> Sums {
+        let (mut begun, mut high) = (false, [0; PANEL]);
         if self.wide {
             self.plane::<I>(arena, acc, patches, 1, &mut begun);
+            high = panel_sums(acc, patches.count, self.width);
             head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
         }
         self.plane::<I>(arena, acc, patches, 0, &mut begun);
+        high
     }
 
     /// Adds the products of one plane of all sources; the first products replace the sums.
@@ -254,15 +322,11 @@ impl<'m> Job<'_, 'm> {
                 let Some(t) = t.as_ref().filter(|t| plane == 0 || t.dtype == Dtype::I16) else { continue };
                 let groups = groups(filter.cols * t.channels);
                 let stride = input_step * t.channels;
-                // Margins are at least as wide as the padding.
-                let col = (filter.col + (skip + t.margin) as isize).max(0) as usize * t.channels;
-                let col = col + plane * t.plane_bytes();
                 let mut starts = [0; MAX_KERNEL];
                 for (k, start) in starts.iter_mut().take(filter.rows).enumerate() {
-                    let row = filter.row + k as isize;
-                    let inside = row.min(t.rows as isize - 1).max(0);
-                    *start = if row == inside || self.conv.fold {
-                        t.row_offset(inside as usize) + col
+                    let (at, inside) = self.start(filter, t, plane, k, skip);
+                    *start = if inside {
+                        at
                     } else {
                         let len = (count - 1) * stride + 4 * groups;
                         part_mut(arena.bytes, arena.scratch, len).fill(zero_code(t, plane));

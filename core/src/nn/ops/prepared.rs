@@ -8,7 +8,7 @@ use crate::nn::tensor::Tensor;
 
 /// A copy of an operator and its tensors outside the model's memory. A fault in the model's memory after the copy does not change where, or
 /// how often, the operator reads and writes.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone, Copy, PartialEq)]
 pub(crate) struct Prepared {
     /// The operator.
     pub(crate) operator: Operator,
@@ -16,6 +16,8 @@ pub(crate) struct Prepared {
     pub(crate) out: Tensor,
     /// The tensors that the operator reads, by slot ([`Operator::inputs`]).
     pub(crate) inputs: [Option<Tensor>; 3],
+    /// Whether matrix products are compared with their checksums.
+    pub(crate) checked: bool,
 }
 
 impl Prepared {

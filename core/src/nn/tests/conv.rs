@@ -7,8 +7,8 @@ use crate::nn::file::{Conv, Dtype, Edge, Operator, PHASE_TAPS, PHASES, Tensor};
 use proptest::prelude::*;
 
 /// A random convolution and its weights, without the file's packing.
-struct Case {
-    draft: Draft,
+pub(super) struct Case {
+    pub(super) draft: Draft,
     conv: Conv,
     /// Sources and the added tensor, with their contents.
     sources: Vec<(Tensor, Map)>,
@@ -60,7 +60,7 @@ fn channels(random: &mut Random) -> usize {
 }
 
 impl Case {
-    fn new(seed: u64, fold: bool) -> Self {
+    pub(super) fn new(seed: u64, fold: bool) -> Self {
         let mut random = Random::new(seed);
         let r = &mut random;
         let low = if fold { 4 } else { 1 };

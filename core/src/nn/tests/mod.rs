@@ -15,6 +15,7 @@ mod suspend;
 mod unit;
 mod upsample;
 mod whole;
+mod witness;
 mod work;
 
 pub(crate) use random::Random;

@@ -160,7 +160,7 @@ proptest! {
         let cols = if matches!(operator, Operator::Conv(_) | Operator::Attention(_)) { 2 * r.size(8, 30) } else { out.cols };
         let out = Tensor { cols, channels, ..out };
         let input = Tensor { rows, cols, channels, ..out };
-        let prepared = Prepared { operator, out, inputs: [Some(input), None, None] };
+        let prepared = Prepared { operator, out, inputs: [Some(input), None, None], checked: true };
         let units = (0..prepared.steps()).flat_map(|step| (0..prepared.units()).map(move |unit| (step, unit)));
         let macs = units.map(|(step, unit)| prepared.unit_macs(step, unit));
         prop_assert_eq!(prepared.macs(), macs.clone().sum::<u64>(), "{:?}", operator);

@@ -110,13 +110,14 @@ fn places_that_no_run_has_are_refused() {
         Suspended { step: steps - 1, unit: units - 1, ..at_work },
         Suspended { phase: Suspended::VERIFYING, ..at_work },
         Suspended { phase: Suspended::DONE, ..at_work },
-        Suspended { trusting: 1, ..at_work },
+        Suspended { protection: Suspended::TRUSTING, ..at_work },
+        Suspended { protection: Suspended::CHECKED, ..at_work },
     ] {
         assert_eq!(resume(good), Ok(good));
     }
     for bad in [
         Suspended { phase: 4, ..at_work },
-        Suspended { trusting: 2, ..at_work },
+        Suspended { protection: 4, ..at_work },
         Suspended { phase: Suspended::VERIFYING, entry: model.raw().chunks(), ..at_work },
         Suspended { phase: Suspended::VERIFYING, step: 1, ..at_work },
         Suspended { entry: 1, ..Suspended::default() },

@@ -90,7 +90,8 @@ fn run(kernel: Kernel, model: &Model<'_>, operator: &Operator, bytes: &mut [u8],
     for step in 0..operator.steps(&out) {
         for unit in 0..model.units(operator) {
             let mut arena = Arena { bytes: &mut *bytes, scratch: model.scratch_offset() };
-            cut += (kernel.unit)(model.constants(), &model.prepared(operator), &mut arena, step, unit);
+            let made = (kernel.unit)(model.constants(), &model.prepared(operator), &mut arena, step, unit);
+            cut += made.expect("the products are right");
         }
         for row in operator.rows_after(&out, step)..operator.rows_after(&out, step + 1) {
             let (line, side) = (row_now(bytes, &out, row), out.margin * out.channels);

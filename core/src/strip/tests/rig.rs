@@ -35,6 +35,7 @@ pub(super) fn settings(cols: usize, ring_lines: usize) -> StripSettings {
         pixel_m: 2.0,
         coarse_px: 4.0,
         anchor: true,
+        checked: false,
         light: Lighting::NOT_ASKED,
         pixels: PixelForm::F32,
         posts: None,

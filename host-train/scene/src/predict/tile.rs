@@ -67,7 +67,7 @@ impl Rules {
             input,
             scene: Shape::new(scene.rows, scene.cols),
             light,
-            tile: TileRules { pixel_m, coarse_px, anchor: options.anchor },
+            tile: TileRules { pixel_m, coarse_px, anchor: options.anchor, checked: false },
             expected_errors: options.expected_errors,
             model,
         }
@@ -142,7 +142,7 @@ struct Loaded<'a> {
 impl Network for Loaded<'_> {
     type Fault = Error;
 
-    fn begin(&mut self) -> Result<()> {
+    fn begin(&mut self, _checked: bool) -> Result<()> {
         Ok(())
     }
 

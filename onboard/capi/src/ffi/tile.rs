@@ -39,7 +39,7 @@ pub(super) unsafe fn caller_tile<'t>(
     }
     // SAFETY: the caller's promise.
     let image = pixels_of(&tile.image, shape, unsafe { slice(tile.image.data.cast(), tile.image.data_bytes) }?)?;
-    if tile.network_alone > 1 {
+    if tile.network_alone > 1 || tile.processor_checks > 1 {
         return Err(ELD_REFUSED_TILE_OPTION);
     }
     if posts.is_none() && tile.coarse_len != pixels || masked && tile.valid_len != pixels || !image.is_whole() {
@@ -65,7 +65,7 @@ pub(super) unsafe fn caller_tile<'t>(
         None => TileLight::Own(sun),
     };
     let eld_tile_t { pixel_m, coarse_px, .. } = tile;
-    let rules = TileRules { pixel_m, coarse_px, anchor: tile.network_alone == 0 };
+    let rules = TileRules { pixel_m, coarse_px, anchor: tile.network_alone == 0, checked: tile.processor_checks == 1 };
     let crc = tile_crc(&tile, posts.as_ref(), scene_light.as_ref());
     Ok(CallerTile { image, coarse_m, valid, rules, light, crc })
 }
@@ -136,9 +136,18 @@ fn pixels_of<'p>(image: &eld_pixels_t, shape: Shape, bytes: &'p [u8]) -> Result<
 
 /// Returns the checksum of a tile's structure, without the bytes between its fields.
 fn tile_crc(tile: &eld_tile_t, posts: Option<&eld_posts_t>, light: Option<&eld_lighting_t>) -> u32 {
-    let eld_tile_t { pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, network_alone, image, .. } = tile;
+    let eld_tile_t {
+        pixel_m,
+        coarse_px,
+        sun_azimuth_deg,
+        sun_elevation_deg,
+        network_alone,
+        processor_checks,
+        image,
+        ..
+    } = tile;
     let eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from } = image;
-    let numbers = [*network_alone, *format, *flags, *null_code, *saturated_from];
+    let numbers = [*network_alone, *processor_checks, *format, *flags, *null_code, *saturated_from];
     let floats = [pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, gain, offset].map(|v| v.to_bits());
     let places = [
         data.addr(),

@@ -67,8 +67,8 @@ pub(crate) fn settings(
     pixels: PixelForm,
     light: Option<&eld_lighting_t>,
 ) -> Result<StripSettings, eld_status_t> {
-    let eld_strip_settings_t { network_alone, expected_errors, reserved, post_cols, .. } = *asked;
-    if network_alone > 1 || expected_errors > 1 || reserved != 0 {
+    let eld_strip_settings_t { network_alone, expected_errors, processor_checks, post_cols, .. } = *asked;
+    if [network_alone, expected_errors, processor_checks].iter().any(|choice| *choice > 1) {
         return Err(ELD_REFUSED_STRIP_SETTINGS);
     }
     let sun = stated_sun(asked.sun_azimuth_deg, asked.sun_elevation_deg)?;
@@ -91,6 +91,7 @@ pub(crate) fn settings(
         pixel_m: asked.pixel_m,
         coarse_px: asked.coarse_px,
         anchor: network_alone == 0,
+        checked: processor_checks == 1,
         light,
         pixels,
         posts: (post_cols > 0).then_some(posts),

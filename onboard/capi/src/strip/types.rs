@@ -34,8 +34,8 @@ pub struct eld_strip_settings_t {
     pub expected_errors: u32,
     /// Number of posts in a row of the coarse DTM; 0 if coarse heights come with every line, on the image's pixels.
     pub post_cols: u32,
-    /// 0.
-    pub reserved: u32,
+    /// 1: sums of the network's products are found in a second way, and heights are made twice, because the processor may err. 0: neither.
+    pub processor_checks: u32,
     /// Row of the posts at the centre of the strip's first line. (0, 0) is the centre of the first post.
     pub post_row0: f64,
     /// Rows of posts per line; above 0.

@@ -51,6 +51,7 @@ pub(crate) struct Tile {
     pub(crate) coarse_px: f32,
     pub(crate) sun: [f32; 2],
     pub(crate) network_alone: bool,
+    pub(crate) processor_checks: bool,
 }
 
 impl Tile {
@@ -67,6 +68,7 @@ impl Tile {
             coarse_px: 29.61,
             sun: [189.488_53, 25.614_722],
             network_alone: false,
+            processor_checks: false,
         };
         assert_eq!([tile.image.len(), tile.coarse_m.len(), tile.valid.as_ref().unwrap().len()], [PX; 3]);
         tile
@@ -89,6 +91,7 @@ impl Tile {
             sun_azimuth_deg: self.sun[0],
             sun_elevation_deg: self.sun[1],
             network_alone: self.network_alone.into(),
+            processor_checks: self.processor_checks.into(),
             image: floats(&self.image),
             coarse_m: self.coarse_m.as_ptr(),
             coarse_len: self.coarse_m.len(),
@@ -125,7 +128,12 @@ impl Tile {
             (vec![0.0; TileMemory::scratch_len(&rules, shape)], vec![0.0; TileMemory::lines_len(shape)]);
         let mut memory =
             TileMemory { coarse_m: &mut coarse, valid: &mut valid, scratch: &mut scratch, lines: &mut lines };
-        let how = TileRules { pixel_m: self.pixel_m, coarse_px: self.coarse_px, anchor: !self.network_alone };
+        let how = TileRules {
+            pixel_m: self.pixel_m,
+            coarse_px: self.coarse_px,
+            anchor: !self.network_alone,
+            checked: self.processor_checks,
+        };
         let mut job = TileJob::new(how, rules, shape);
         while job.prepare(&mut runner, &tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
         while job.run(&mut runner, &mut memory, u64::MAX).unwrap() == Progress::Running {}

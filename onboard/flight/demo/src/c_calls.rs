@@ -1,4 +1,4 @@
-//! The path of a tile through the C functions: six kinds of tiles, with marks around every call, so that the counter reports each call, and a
+//! The path of a tile through the C functions: seven kinds of tiles, with marks around every call, so that the counter reports each call, and a
 //! checksum of what comes out, which is the same on every machine.
 
 use crate::mark::{elunar_count_start, elunar_count_stop};
@@ -21,6 +21,8 @@ const NULL_CODE: u16 = 0xffff;
 enum Kind {
     /// Under a Sun that is told.
     Told,
+    /// The same, with checks of the processor.
+    Checked,
     /// With voids in both maps and a shadow, under an unknown Sun.
     Voids,
     /// With one brightness: it shows nothing.
@@ -31,6 +33,13 @@ enum Kind {
     Fine,
     /// With a coarse DTM as posts.
     Posts,
+}
+
+impl Kind {
+    /// Returns whether the Sun is told.
+    fn is_told(self) -> bool {
+        matches!(self, Self::Told | Self::Checked)
+    }
 }
 
 /// The caller's memory.
@@ -63,9 +72,9 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
         let _ = writeln!(console, "ERROR: {checked:#x} {made:#x}");
         return false;
     }
-    let kinds = [Kind::Told, Kind::Voids, Kind::Even, Kind::Level, Kind::Fine, Kind::Posts];
-    // The network of a large tile takes long; one is enough to compare it.
-    let whole = |kind| kind == Kind::Told || pixels < 10_000;
+    let kinds = [Kind::Told, Kind::Checked, Kind::Voids, Kind::Even, Kind::Level, Kind::Fine, Kind::Posts];
+    // The network of a large tile takes long; one is enough to compare it, and one to compare what its checks cost.
+    let whole = |kind| kind.is_told() || pixels < 10_000;
     let all = kinds.map(|kind| tile(context, kind, info.tile_cols as usize, whole(kind), &mut own, console));
     all.iter().all(|passed| *passed)
 }
@@ -127,7 +136,7 @@ fn tile(
     console: &mut impl Write,
 ) -> bool {
     paint(kind, cols, own);
-    let (azimuth, elevation) = if kind == Kind::Told { (315.0, 35.0) } else { (f32::NAN, f32::NAN) };
+    let (azimuth, elevation) = if kind.is_told() { (315.0, 35.0) } else { (f32::NAN, f32::NAN) };
     let image = eld_pixels_t {
         data: own.image.as_ptr().cast(),
         data_bytes: size_of_val(own.image),
@@ -157,6 +166,7 @@ fn tile(
         sun_azimuth_deg: azimuth,
         sun_elevation_deg: elevation,
         network_alone: 0,
+        processor_checks: (kind == Kind::Checked).into(),
         image,
         coarse_m: if is_posts { core::ptr::null() } else { own.coarse_m.as_ptr() },
         coarse_len: if is_posts { 0 } else { own.coarse_m.len() },

@@ -120,7 +120,8 @@ fn metres_come_out_as_by_way_of_buffers() {
 fn by_job(runner: &mut Runner<'_, '_>, tile: &TileInput<&[f32], &[f32]>) -> (TileJob, Vec<f32>, Vec<f32>) {
     let (rules, shape, mut memory) = (runner.model().input_rules(), runner.model().tile(), JobMemory::default());
     let mut memory = memory.lend(&rules, shape);
-    let mut job = TileJob::new(TileRules { pixel_m: 2.0, coarse_px: 30.0, anchor: false }, rules, shape);
+    let mut job =
+        TileJob::new(TileRules { pixel_m: 2.0, coarse_px: 30.0, anchor: false, checked: false }, rules, shape);
     while job.prepare(runner, tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
     while job.run(runner, &mut memory, u64::MAX).unwrap() == Progress::Running {}
     (job, job.heights_m(&memory).to_vec(), memory.coarse_m.to_vec())

@@ -1,0 +1,246 @@
+//! A second way to the sum of a stretch's matrix products (Huang and Abraham, "Algorithm-based fault tolerance for matrix operations", 1984),
+//! modulo 255:
+//!
+//! ```text
+//! Σ over pixels p of acc[p][c]  =  Σ over rows r and bytes j of  (Σ over p of x[starts[r] + p*stride + j])  *  w[r][j][c]
+//! ```
+//! The right side is one pixel more for the kernel. Modulo 255 the sum over pixels is a byte like any code, and no power of two is 0, so a
+//! flipped bit of a sum shows. Of other errors of a channel one in 255 is missed. Sums of codes, unlike finished sums, may wrap; those of a block
+//! of pixels and one plane are exact up to [`MOST_PRODUCTS`].
+
+use crate::nn::arena::Arena;
+use crate::nn::kernels::{Accumulators, Isa, Patch};
+use crate::nn::panels::PANEL;
+use crate::part::{copy, head, head_mut, part};
+
+/// Number of bytes of a row's patch that are summed together.
+const TOGETHER: usize = 256;
+/// Number of words of four bytes whose sums stay in registers.
+const WORDS: usize = 4;
+/// Number of pixels after which the sums of two bytes side by side are folded: 255 * 128 + 510 < 2^16.
+const FOLDED: usize = 128;
+
+/// Fewest pixels whose products have a second sum. One pixel more is a large share of fewer.
+pub(crate) const LEAST_PIXELS: usize = 16;
+
+/// Most products of codes and weights whose sum stays within 32 bits.
+pub(super) const MOST_PRODUCTS: usize = i32::MAX as usize / (255 * 127);
+
+/// Sums of the channels of a panel.
+pub(super) type Sums = [i32; PANEL];
+
+/// The sums of a stretch's products, modulo 255.
+#[derive(Clone, Copy)]
+pub(super) struct Witness {
+    /// By the sum of the patches.
+    expected: Sums,
+    /// Of all pixels.
+    found: Sums,
+    /// What was added to the sums of the block's pixels beside their products.
+    more: Sums,
+}
+
+/// Returns a number that is the same modulo 255, from -2^15 to 2^17.
+#[inline(always)]
+const fn fold(sum: i32) -> i32 {
+    (sum >> 16) + (sum & 0xffff)
+}
+
+/// Adds up the sums of some pixels.
+#[inline(always)]
+pub(super) fn panel_sums(acc: &Accumulators, pixels: usize, width: usize) -> Sums {
+    match width {
+        32 => sums_of::<32>(acc, pixels),
+        16 => sums_of::<16>(acc, pixels),
+        _ => sums_of::<8>(acc, pixels),
+    }
+}
+
+#[inline(always)]
+fn sums_of<const W: usize>(acc: &Accumulators, pixels: usize) -> Sums {
+    let (mut sums, mut panel) = ([0; PANEL], [0i32; W]);
+    for pixel in head(acc.as_chunks::<W>().0, pixels) {
+        for c in 0..W {
+            panel[c] = panel[c].wrapping_add(pixel[c]);
+        }
+    }
+    copy(head_mut(&mut sums, W), &panel);
+    sums
+}
+
+impl Witness {
+    /// Begins with the products of the patches' sum, both planes alike.
+    #[inline(always)]
+    pub(super) fn new(products: &Accumulators) -> Self {
+        let mut expected = [0; PANEL];
+        copy(&mut expected, head(products, PANEL));
+        Self { expected: expected.map(fold), found: [0; PANEL], more: [0; PANEL] }
+    }
+
+    /// Leaves out `more`, which is added to a pixel of the block.
+    #[inline(always)]
+    pub(super) fn leave_out(&mut self, more: &[i32]) {
+        self.more.iter_mut().zip(more).for_each(|(sum, more)| *sum = sum.wrapping_add(*more));
+    }
+
+    /// Notes a block: the sums of its pixels, and those of their high planes.
+    #[inline(always)]
+    pub(super) fn note(&mut self, sums: &Sums, high: &Sums) {
+        for c in 0..PANEL {
+            let low = sums[c].wrapping_sub(self.more[c]).wrapping_sub(high[c] << 8);
+            self.found[c] += fold(low) + fold(high[c]);
+        }
+        self.more = [0; PANEL];
+    }
+
+    /// Returns whether both ways lead to the same sums.
+    #[inline(always)]
+    pub(super) fn holds(&self, width: usize) -> bool {
+        let pairs = self.expected.iter().zip(&self.found).take(width);
+        pairs.fold(0, |off, (expected, found)| off | (expected.wrapping_sub(*found) % 255)) == 0
+    }
+}
+
+/// The patches of a stretch in one row of one source.
+#[derive(Debug)]
+pub(super) struct PatchRow {
+    /// First byte of the first patch.
+    pub(super) start: usize,
+    /// Bytes from one patch to the next, and number of patches.
+    pub(super) stride: usize,
+    pub(super) count: usize,
+    /// Four-byte groups of a patch.
+    pub(super) groups: usize,
+    /// The code that all bytes have instead, in a row outside the map.
+    pub(super) outside: Option<u8>,
+}
+
+impl PatchRow {
+    /// Adds the products of the sum of the patches.
+    #[inline(always)]
+    pub(super) fn add_products<I: Isa>(&self, arena: &Arena<'_>, acc: &mut Accumulators, weights: &[u8], width: usize) {
+        let mut sums = [0; TOGETHER];
+        for first in (0..4 * self.groups).step_by(TOGETHER) {
+            let sums = head_mut(&mut sums, TOGETHER.min(4 * self.groups - first));
+            match self.outside {
+                Some(code) => sums.fill(folded(self.count as u32 * code as u32)),
+                None => self.sum(arena.bytes, first, sums),
+            }
+            let patch = Patch { bytes: sums, starts: &[0], stride: 0, groups: sums.len() / 4 };
+            I::gemm(acc, 1, &patch, part(weights, first * width, sums.len() * width), width);
+        }
+    }
+
+    /// Writes the sums of bytes from `first` of the patches on, modulo 255.
+    #[inline(always)]
+    fn sum(&self, bytes: &[u8], first: usize, sums: &mut [u8]) {
+        let start = self.start + first;
+        let direct = self.stride.min(sums.len());
+        let mut done = 0;
+        while done + 4 * WORDS <= direct {
+            self.words::<WORDS>(bytes, start, done, sums);
+            done += 4 * WORDS;
+        }
+        while done < direct {
+            self.words::<1>(bytes, start, done, sums);
+            done += 4;
+        }
+        // A byte of the second patch is one of the first patch, a stride later.
+        let last = start + self.count.saturating_sub(1) * self.stride;
+        for at in (direct..sums.len()).step_by(direct.max(1)) {
+            let Some((before, now)) = sums.split_at_mut_checked(at) else { return };
+            let len = direct.min(now.len());
+            let now = head_mut(now, len);
+            let before = part(before, at - direct, now.len());
+            let (gone, come) = (part(bytes, start + at - direct, now.len()), part(bytes, last + at, now.len()));
+            for (((to, before), gone), come) in now.iter_mut().zip(before).zip(gone).zip(come) {
+                *to = folded(*before as u32 + *come as u32 + 255 - *gone as u32);
+            }
+        }
+    }
+
+    /// Writes the sums of `W` words from byte `at` on.
+    #[inline(always)]
+    fn words<const W: usize>(&self, bytes: &[u8], start: usize, at: usize, sums: &mut [u8]) {
+        const EVEN: u32 = 0x00ff_00ff;
+        let (mut even, mut odd) = ([0u32; W], [0u32; W]);
+        let mut pixel = 0;
+        while pixel < self.count {
+            for p in pixel..(pixel + FOLDED).min(self.count) {
+                let from = bytes.get(start + p * self.stride + at..).unwrap_or_default();
+                let Some(words) = from.as_chunks::<4>().0.first_chunk::<W>() else { return };
+                for k in 0..W {
+                    let word = u32::from_le_bytes(words[k]);
+                    even[k] = even[k].wrapping_add(word & EVEN);
+                    odd[k] = odd[k].wrapping_add(word >> 8 & EVEN);
+                }
+            }
+            for k in 0..W {
+                even[k] = (even[k] & EVEN) + (even[k] >> 8 & EVEN);
+                odd[k] = (odd[k] & EVEN) + (odd[k] >> 8 & EVEN);
+            }
+            pixel += FOLDED;
+        }
+        let bytes = (0..W).flat_map(|k| [even[k], odd[k], even[k] >> 16, odd[k] >> 16]);
+        sums.iter_mut().skip(at).zip(bytes).for_each(|(to, sum)| *to = folded(sum & 0xffff));
+    }
+}
+
+/// Returns a number below 2^24 modulo 255, as 0 to 255.
+#[inline(always)]
+const fn folded(sum: u32) -> u8 {
+    let sum = (sum & 0xff) + (sum >> 8 & 0xff) + (sum >> 16);
+    let sum = (sum & 0xff) + (sum >> 8);
+    ((sum & 0xff) + (sum >> 8)) as u8
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::tests::Random;
+
+    #[test]
+    fn a_sum_of_patches_is_that_of_their_bytes() {
+        let mut random = Random::new(7);
+        for _ in 0..3000 {
+            let r = &mut random;
+            let mut few_or_many = |many| if r.one_in(2) { r.size(1, 9) } else { r.size(1, many) };
+            let (stride, groups, count, start) = (few_or_many(70), few_or_many(150), few_or_many(700), few_or_many(9));
+            let high = r.one_in(3);
+            let len = start + (count - 1) * stride + 4 * groups;
+            let bytes: Vec<u8> = r.bytes(len).into_iter().map(|code| if high { code | 0xf0 } else { code }).collect();
+            let row = PatchRow { start, stride, count, groups, outside: None };
+            let first = 4 * r.size(0, groups - 1);
+            let mut sums = vec![0; 4 * groups - first];
+            row.sum(&bytes, first, &mut sums);
+            for (j, sum) in sums.iter().enumerate() {
+                let expected: u32 = (0..count).map(|p| bytes[start + p * stride + first + j] as u32).sum();
+                assert_eq!(expected % 255, *sum as u32 % 255, "byte {j} of {row:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn every_flipped_bit_of_a_sum_shows() {
+        let mut random = Random::new(8);
+        let mut acc = [0; 320];
+        acc.iter_mut().for_each(|sum| *sum = random.within(-1 << 26, 1 << 26) as i32);
+        for width in [8, 16, 32] {
+            let witness = Witness::new(&acc);
+            let more = panel_sums(&acc, 10, width);
+            let rest: Vec<i32> = more.iter().zip(&acc).map(|(all, first)| all - first).collect();
+            let holds = |acc: &Accumulators| {
+                let mut witness = witness;
+                witness.leave_out(&rest);
+                witness.note(&panel_sums(acc, 10, width), &[0; PANEL]);
+                witness.holds(width)
+            };
+            assert!(holds(&acc));
+            for bit in 0..32 * 10 * width {
+                let mut acc = acc;
+                acc[bit / 32] ^= 1 << (bit % 32);
+                assert!(!holds(&acc), "bit {bit} of width {width}");
+            }
+        }
+    }
+}
