@@ -9,15 +9,10 @@ use std::time::{Duration, Instant};
 const COLS: usize = 701;
 const ROWS: usize = 600;
 
-/// `cargo test -p elunar-core --test strip_pieces -- --ignored --nocapture`.
-#[test]
-#[ignore = "a measurement"]
-fn pieces_of_a_strip() {
-    let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../host-train/models/nano.eld")).unwrap();
-    let model = Model::new(&file).unwrap();
-    let settings = StripSettings {
+fn settings(model: &Model<'_>) -> StripSettings {
+    StripSettings {
         cols: COLS,
-        ring_lines: StripPlan::least_lines(&model),
+        ring_lines: StripPlan::least_lines(model),
         overlap_px: 100,
         pixel_m: 2.0,
         coarse_px: 30.0,
@@ -27,8 +22,16 @@ fn pieces_of_a_strip() {
         pixels: PixelForm::F32,
         posts: None,
         expected_errors: false,
-    };
-    let plan = StripPlan::new(&model, settings).unwrap();
+    }
+}
+
+/// `cargo test -p elunar-core --test strip_pieces -- --ignored --nocapture`.
+#[test]
+#[ignore = "a measurement"]
+fn pieces_of_a_strip() {
+    let file = std::fs::read(concat!(env!("CARGO_MANIFEST_DIR"), "/../host-train/models/nano.eld")).unwrap();
+    let model = Model::new(&file).unwrap();
+    let plan = StripPlan::new(&model, settings(&model)).unwrap();
     let (mut arena, mut valid) = (vec![0; plan.arena_bytes()], vec![0; plan.bytes_len()]);
     let (mut samples, mut sums) = (vec![0.0; plan.samples_len()], vec![0.0; plan.sums_len()]);
     let memory = StripMemory { samples: &mut samples, sums: &mut sums, bytes: &mut valid };

@@ -49,7 +49,7 @@ mod suspend;
 mod tensor;
 mod tools;
 
-pub use code::CodeSum;
+pub use code::code_sum;
 pub use dispatch::Kernel;
 pub use error::RunError;
 pub use file::error::ModelError;

@@ -981,6 +981,14 @@ const char *eld_status_text(eld_status_t status);
 eld_status_t eld_kernel_name(char *name, size_t name_bytes);
 
 /**
+ * Writes the checksum of a part of the program, for example a page, into `*sum`. Note it when the program is good, and compare it before or after a
+ * tile: a flipped bit of an instruction stays, and makes every tile wrong. About one instruction for every four bytes.
+ */
+eld_status_t eld_code_sum(const void *code,
+                          size_t code_bytes,
+                          uint32_t *sum);
+
+/**
  * Validates every byte of a model file and writes its properties and requirements. `info->struct_bytes` must be set.
  */
 eld_status_t eld_model_check(const void *model, size_t model_bytes, eld_model_info_t *info);

@@ -33,7 +33,7 @@ use crate::types::*;
 use core::ffi::{c_char, c_void};
 use core::ops::Range;
 use elunar_core::TileMemory;
-use elunar_core::nn::{Kernel, Model, file};
+use elunar_core::nn::{Kernel, Model, code_sum, file};
 use elunar_core::tile::Shape;
 use pointers::*;
 use tile::caller_tile;
@@ -149,6 +149,21 @@ pub unsafe extern "C" fn eld_kernel_name(name: *mut c_char, name_bytes: usize) -
     to.copy_from_slice(text);
     *end = 0;
     ELD_OK
+}
+
+/// Writes the checksum of a part of the program, for example a page, into `*sum`. Note it when the program is good, and compare it before or after a
+/// tile: a flipped bit of an instruction stays, and makes every tile wrong. About one instruction for every four bytes.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_code_sum(code: *const c_void, code_bytes: usize, sum: *mut u32) -> eld_status_t {
+    let ranges = || -> Result<(), eld_status_t> { apart(&span(code.cast::<u8>(), code_bytes)?, &span(sum, 1)?) };
+    // SAFETY: the caller's promise; the two do not overlap.
+    match ranges().and_then(|()| unsafe { Ok((slice(code.cast::<u8>(), code_bytes)?, slice_mut(sum, 1)?)) }) {
+        Ok((code, sum)) => {
+            sum.fill(code_sum(code));
+            ELD_OK
+        }
+        Err(status) => status,
+    }
 }
 
 /// Validates every byte of a model file and writes its properties and requirements. `info->struct_bytes` must be set.

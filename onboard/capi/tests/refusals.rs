@@ -103,6 +103,8 @@ const CASES: &[Case] = &[
         unsafe { ffi::eld_telemetry(Context::new(nano()).handle, null_mut()) }
     }),
     // SAFETY: the test passes NULL.
+    (ELD_REFUSED_NULL, "no program", || unsafe { ffi::eld_code_sum(null(), 4, &mut 0) }),
+    // SAFETY: the test passes NULL.
     (ELD_REFUSED_NULL, "no name", || unsafe { ffi::eld_kernel_name(null_mut(), 64) }),
     (ELD_REFUSED_ALIGNMENT, "an odd coarse DTM", || {
         begin_with(|tile| tile.coarse_m = tile.coarse_m.wrapping_byte_add(1))

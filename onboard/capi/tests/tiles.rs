@@ -544,6 +544,25 @@ fn versions_names_and_sizes_are_told() {
 }
 
 #[test]
+fn a_flipped_bit_of_the_program_changes_its_sum() {
+    let mut code = nano()[..5_003].to_vec();
+    let mut sum = 0;
+    // SAFETY: memory of the test.
+    let mut sum_of = |code: &[u8]| unsafe {
+        assert_eq!(ffi::eld_code_sum(code.as_ptr().cast(), code.len(), &raw mut sum), ELD_OK);
+        sum
+    };
+    let good = sum_of(&code);
+    assert_eq!(good, elunar_core::nn::code_sum(&code));
+    code[5_002] ^= 1;
+    assert_ne!(sum_of(&code), good);
+    let mut words = [0u32; 4];
+    let place = words.as_mut_ptr();
+    // SAFETY: as above; the library refuses memory that overlaps.
+    assert_eq!(unsafe { ffi::eld_code_sum(place.cast(), 16, place.wrapping_add(3)) }, ELD_REFUSED_OVERLAP);
+}
+
+#[test]
 fn a_refused_call_changes_nothing_of_the_tile() {
     let tile = Tile::golden();
     let mut context = Context::new(nano());

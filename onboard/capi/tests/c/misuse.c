@@ -22,6 +22,7 @@ int main(void) {
     eld_model_info_t info;
     eld_telemetry_t telemetry;
     char name[4];
+    uint32_t sum = 0;
 
     memset(&info, 0, sizeof info);
     expect("info of no size", eld_model_check(no_model, sizeof no_model, &info), ELD_REFUSED_STRUCT_BYTES);
@@ -36,6 +37,7 @@ int main(void) {
     expect("begin nothing", eld_begin(context, NULL), ELD_FAULT_CONTEXT_LOST);
     telemetry.struct_bytes = sizeof telemetry;
     expect("telemetry of nothing", eld_telemetry(context, &telemetry), ELD_FAULT_CONTEXT_LOST);
+    expect("no program", eld_code_sum(NULL, 1, &sum), ELD_REFUSED_NULL);
     expect("a short name", eld_kernel_name(name, sizeof name), ELD_REFUSED_BUFFER);
 
     if (ELD_SEVERITY(ELD_OK) != ELD_GOOD || ELD_SEVERITY(ELD_RUNNING) != ELD_NOTICE) wrong++;

@@ -26,7 +26,7 @@ fn every_function_of_the_header_is_on_the_page_with_its_timing_class() {
     let mut found = BTreeSet::new();
     for item in functions(&page).split("\n- ").skip(1) {
         let (names, rest) = item.split_once(" (").unwrap_or_else(|| panic!("{item}: no timing class"));
-        found.extend(names.split(", ").map(|name| name.trim_matches(&['*', '`'])));
+        found.extend(names.split(", ").map(|name| name.trim_matches(['*', '`'])));
         let class = rest.split([')', ',', ';']).next().unwrap();
         assert!(["constant", "budget", "line", "tile", "file"].contains(&class), "{item}: no timing class");
     }

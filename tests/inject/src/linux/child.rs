@@ -1,10 +1,10 @@
 //! A copy of this process that makes the rest of a tile, watched by this process.
 #![allow(unsafe_code)] // fork, a timer
 
+use super::program::program_sum;
 use super::shared::Shared;
 use crate::tile::Tile;
 use elunar_base::{Error, Result};
-use elunar_core::nn::CodeSum;
 use nix::libc;
 use nix::sys::ptrace;
 use nix::sys::signal::{Signal, raise};
@@ -33,13 +33,13 @@ pub(crate) enum Stop {
 
 /// What a copy does.
 #[derive(Clone, Copy)]
-pub(crate) struct Orders<'c> {
+pub(crate) struct Orders {
     /// Seconds of processor time that it has.
     pub(crate) seconds: f64,
     /// Whether it stops behind its first unit with a checksum of its state.
     pub(crate) sums: bool,
-    /// Checks the program at the end.
-    pub(crate) code: Option<&'c CodeSum<'c>>,
+    /// The program's checksum, if it is checked at the end.
+    pub(crate) code: Option<u32>,
 }
 
 fn error(what: &str, e: nix::Error) -> Error {
@@ -51,7 +51,7 @@ impl Child {
     ///
     /// # Errors
     /// If the system refuses.
-    pub(crate) fn new(tile: &mut Tile, shared: &Shared, unit: u64, orders: Orders<'_>) -> Result<Self> {
+    pub(crate) fn new(tile: &mut Tile, shared: &Shared, unit: u64, orders: Orders) -> Result<Self> {
         // SAFETY: this process has one thread.
         match unsafe { fork() }.map_err(|e| error("a copy of the process", e))? {
             ForkResult::Child => {
@@ -134,7 +134,7 @@ impl Drop for Child {
 }
 
 /// Finishes the tile in the copy. Nothing is freed, and nothing else is written but `shared`.
-fn finish(tile: &mut Tile, shared: &Shared, first: u64, orders: Orders<'_>) {
+fn finish(tile: &mut Tile, shared: &Shared, first: u64, orders: Orders) {
     let whole = orders.seconds as libc::time_t;
     let interval = libc::timeval { tv_sec: 0, tv_usec: 0 };
     let micros = (1e6 * orders.seconds.fract()) as libc::suseconds_t;
@@ -162,7 +162,7 @@ fn finish(tile: &mut Tile, shared: &Shared, first: u64, orders: Orders<'_>) {
         }
     };
     let end = end.and_then(|()| {
-        let holds = orders.code.is_none_or(CodeSum::holds);
+        let holds = orders.code.is_none_or(|sum| program_sum() == sum);
         if holds { Ok(()) } else { Err("the program has changed".to_string()) }
     });
     match (end, tile.made()) {

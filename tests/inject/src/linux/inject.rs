@@ -1,7 +1,7 @@
 //! A bit flip at a moment of a tile, and what it leads to.
-#![allow(unsafe_code)] // addresses of the program
 
 use super::child::{Child, Orders, Stop};
+use super::program::program;
 use super::shared::{DONE, REPORTED, Shared};
 use crate::row::{Class, LIMIT_M, Outcome, Row};
 use crate::tile::Tile;
@@ -10,25 +10,6 @@ use nix::libc::user_regs_struct;
 use nix::sys::ptrace;
 use std::ffi::c_void;
 use std::sync::atomic::Ordering::SeqCst;
-
-unsafe extern "C" {
-    /// First byte of the program, by the linker.
-    static __executable_start: u8;
-    /// First byte behind its instructions.
-    static etext: u8;
-}
-
-/// Returns the addresses of the program.
-pub(crate) fn program() -> std::ops::Range<u64> {
-    (&raw const __executable_start) as u64..(&raw const etext) as u64
-}
-
-/// Returns the bytes of the program.
-pub(crate) fn program_bytes() -> &'static [u8] {
-    let range = program();
-    // SAFETY: the linker's range; it is mapped for reading as long as the process runs.
-    unsafe { std::slice::from_raw_parts(range.start as *const u8, (range.end - range.start) as usize) }
-}
 
 /// The tile as it is without a flip.
 pub(crate) struct Clean {
@@ -54,7 +35,7 @@ impl Waiting {
     ///
     /// # Errors
     /// Those of [`Child::new`].
-    pub(crate) fn new(mut row: Row, tile: &mut Tile, shared: &Shared, orders: Orders<'_>) -> Result<Self> {
+    pub(crate) fn new(mut row: Row, tile: &mut Tile, shared: &Shared, orders: Orders) -> Result<Self> {
         row.phase = tile.phase().into();
         // Only a fault that is gone can be judged by the memory that it leaves.
         let orders = Orders { sums: true, ..orders };

@@ -2,17 +2,18 @@
 
 mod child;
 mod inject;
+mod program;
 mod shared;
 
 use crate::row::{Row, Sample};
 use crate::tile::Tile;
 use child::{Child, Orders, Stop};
 use elunar_base::{Error, Result};
-use elunar_core::nn::CodeSum;
-use inject::{Clean, Waiting, program, program_bytes};
+use inject::{Clean, Waiting};
 use nix::sys::personality::{self, Persona};
 use nix::sys::ptrace;
 use nix::sys::signal::{Signal, kill};
+use program::{program, program_sum};
 use shared::{DONE, Shared};
 use std::sync::atomic::Ordering::SeqCst;
 use std::time::{Duration, Instant};
@@ -92,8 +93,7 @@ impl Bench {
     /// # Errors
     /// If a copy cannot be watched.
     pub(crate) fn run(mut self, rows: Vec<Row>, guarded: bool, mut done: impl FnMut(Row) -> Result<()>) -> Result<()> {
-        let sum = CodeSum::new(program_bytes());
-        let code = guarded.then_some(&sum);
+        let code = guarded.then(program_sum);
         let orders = Orders { seconds: PATIENCE * self.seconds, sums: true, code };
         let mut rows = rows.into_iter().peekable();
         let mut unit = 0;
