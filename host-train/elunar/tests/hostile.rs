@@ -115,7 +115,10 @@ fn the_shipped_models_are_named_by_one_word() {
         let of_name = made(at, &["inspect", name]);
         let of_file = made(at, &["inspect", &file]);
         assert_eq!(of_name.split_once('\n').unwrap().1, of_file.split_once('\n').unwrap().1);
-        assert!(made(at, &["latency", "--model", name, "--tiles", "1", "--json"]).contains("median_ms"));
+        let latency = made(at, &["latency", "--model", name, "--tiles", "1", "--json"]);
+        let latency: serde_json::Value = serde_json::from_str(&latency).unwrap();
+        let ms = |clock: &str| latency[clock].as_f64().unwrap();
+        assert!(0.0 < ms("median_ms") && ms("median_ms") < 2.0 * ms("whole_median_ms"), "{latency}");
     }
     let out = elunar(at, &[&SCENE[..], &["--model", "./nano", "-o", "dtm.tif"]].concat());
     assert!(out.status.code() == Some(65) && text(&out).contains("./nano: not supported"), "{}", text(&out));

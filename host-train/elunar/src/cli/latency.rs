@@ -6,12 +6,13 @@ use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use elunar_core::tile::Shape;
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::TileModel;
+use elunar_scene::predict::whole::WholeTile;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 /// Help text below the options.
 pub const HELP: &str = "\
-Every thread runs one tile before the clock starts.
+Two clocks: the network alone, and a whole tile as `predict` makes it (light, maps, network, anchor). Every thread runs one tile before a clock starts.
 
 Examples:
   elunar latency --model nano.eld --threads 2
@@ -27,10 +28,10 @@ pub struct Args {
     /// Number of threads, each with its own tile; 0 takes as many as the machine offers. The float backend may use more threads internally.
     #[arg(long, default_value_t = 1, value_parser = crate::threads::number)]
     pub threads: usize,
-    /// Time to measure, seconds.
+    /// Time to measure with each clock, seconds.
     #[arg(long, default_value_t = 3.0, conflicts_with = "tiles")]
     pub seconds: f64,
-    /// Number of tiles to measure on every thread, instead of a time.
+    /// Number of tiles to measure on every thread with each clock, instead of a time.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub tiles: Option<u64>,
     /// Kernel of the int8 runner [default: the fastest this processor runs].
@@ -91,7 +92,8 @@ struct Measured {
 /// # Errors
 /// If the model cannot be read or fails its self test.
 pub fn run(args: Args) -> Result<()> {
-    let (opened, kernel) = (int8::open(&args.model)?, kernel(args.kernel.as_deref())?);
+    let kernel = kernel(args.kernel.as_deref())?;
+    let opened = int8::open(&args.model)?.with_kernel(kernel);
     let model = opened.model();
     let facts = Facts {
         kernel: kernel.name().into(),
@@ -101,7 +103,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     let extent = args.extent();
     let measured = on_threads(args.threads, || measure_int8(kernel, model, !args.unprotected, extent))?;
-    print(&args, &facts, &measured);
+    print(&args, &facts, &measured, &on_threads(args.threads, || measure_whole(&opened, extent))?);
     Ok(())
 }
 
@@ -113,7 +115,7 @@ pub fn run_other(args: &Args, model: &dyn TileModel, kernel: String) -> Result<(
     let facts = Facts { kernel, macs: None, arena_bytes: None, model_bytes: None };
     let extent = args.extent();
     let measured = on_threads(args.threads, || measure_other(model, extent))?;
-    print(args, &facts, &measured);
+    print(args, &facts, &measured, &on_threads(args.threads, || measure_whole(model, extent))?);
     Ok(())
 }
 
@@ -150,22 +152,37 @@ fn on_threads(threads: usize, measure: impl Fn() -> Result<Vec<f64>> + Sync) -> 
     Ok(Measured { threads, tiles_s, tiles_per_s })
 }
 
-fn print(args: &Args, facts: &Facts, measured: &Measured) {
+impl Measured {
+    /// Returns the median and the fastest time of a tile, milliseconds.
+    fn median_and_fastest_ms(&self) -> [f64; 2] {
+        let mut ordered = self.tiles_s.clone();
+        [0.5, 0.0].map(|share| 1e3 * quantile(&mut ordered, share).unwrap_or(f64::NAN))
+    }
+}
+
+fn print(args: &Args, facts: &Facts, measured: &Measured, whole: &Measured) {
     let Measured { threads, tiles_s, tiles_per_s } = measured;
-    let mut ordered = tiles_s.clone();
-    let [median_ms, fastest_ms] = [0.5, 0.0].map(|share| 1e3 * quantile(&mut ordered, share).unwrap_or(f64::NAN));
+    let ([median_ms, fastest_ms], [whole_ms, whole_fastest_ms]) =
+        (measured.median_and_fastest_ms(), whole.median_and_fastest_ms());
     let gmac_per_s = facts.macs.map(|macs| macs as f64 * tiles_per_s / 1e9);
     if args.json {
         let report = serde_json::json!({
             "median_ms": median_ms, "min_ms": fastest_ms, "tiles": tiles_s.len(), "threads": threads,
             "tiles_per_s": tiles_per_s, "gmac_per_s": gmac_per_s, "macs": facts.macs,
             "arena_bytes": facts.arena_bytes, "model_bytes": facts.model_bytes, "kernel": facts.kernel,
+            "whole_median_ms": whole_ms, "whole_min_ms": whole_fastest_ms,
         });
         println!("{report}");
         return;
     }
     println!("{}: kernel {}, {threads} thread(s), {} tiles", args.model.display(), facts.kernel, tiles_s.len());
-    println!("  median {median_ms:.1} ms per tile, fastest {fastest_ms:.1} ms, {tiles_per_s:.2} tiles/s");
+    println!(
+        "  network alone: median {median_ms:.1} ms per tile, fastest {fastest_ms:.1} ms, {tiles_per_s:.2} tiles/s"
+    );
+    println!(
+        "  whole tile: median {whole_ms:.1} ms, fastest {whole_fastest_ms:.1} ms, {:.2} times the network",
+        whole_ms / median_ms
+    );
     if let (Some(macs), Some(rate), Some(arena)) = (facts.macs, gmac_per_s, facts.arena_bytes) {
         println!("  {:.3} GMAC per tile, {rate:.2} GMAC/s, arena {arena} bytes", macs as f64 / 1e9);
     }
@@ -181,6 +198,13 @@ fn measure_other(model: &dyn TileModel, extent: Extent) -> Result<Vec<f64>> {
     let mut tile = || worker.predict(&image, &coarse, &mut output);
     tile()?;
     extent.measure(tile)
+}
+
+/// Measures the seconds of each tile from samples to heights.
+fn measure_whole(model: &dyn TileModel, extent: Extent) -> Result<Vec<f64>> {
+    let mut tile = WholeTile::new(model)?;
+    tile.make()?;
+    extent.measure(|| tile.make())
 }
 
 /// Measures the seconds of each tile. It runs the built-in self-test tile repeatedly and checks each result.

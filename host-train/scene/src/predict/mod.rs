@@ -26,6 +26,7 @@ mod survey;
 mod survey_file;
 mod tile;
 pub mod untrained;
+pub mod whole;
 
 #[cfg(test)]
 mod half_tests;

@@ -86,7 +86,7 @@ pub(super) struct TileWorker<'a> {
 impl<'a> TileWorker<'a> {
     pub(super) fn new(network: Box<dyn TileNetwork + 'a>, tile: Shape, rules: Rules) -> Self {
         let weights = TileWeights::new(rules.scene);
-        let network = Loaded { network, maps: InputMaps::new(&rules.input, tile), output: vec![0.0; tile.pixels()] };
+        let network = Loaded::new(network, &rules.input, tile);
         Self { network, rules, tile, memory: JobMemory::default(), weights }
     }
 
@@ -133,10 +133,16 @@ impl<'a> TileWorker<'a> {
 }
 
 /// A network with its input and output.
-struct Loaded<'a> {
+pub(super) struct Loaded<'a> {
     network: Box<dyn TileNetwork + 'a>,
     maps: InputMaps,
     output: Vec<f32>,
+}
+
+impl<'a> Loaded<'a> {
+    pub(super) fn new(network: Box<dyn TileNetwork + 'a>, rules: &InputRules, tile: Shape) -> Self {
+        Self { network, maps: InputMaps::new(rules, tile), output: vec![0.0; tile.pixels()] }
+    }
 }
 
 impl Network for Loaded<'_> {

@@ -74,7 +74,7 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
     }
     let kinds = [Kind::Told, Kind::Checked, Kind::Voids, Kind::Even, Kind::Level, Kind::Fine, Kind::Posts];
     // The network of a large tile takes long; one is enough to compare it, and one to compare what its checks cost.
-    let whole = |kind| kind.is_told() || pixels < 10_000;
+    let whole = |kind: Kind| kind.is_told() || pixels < 10_000;
     let all = kinds.map(|kind| tile(context, kind, info.tile_cols as usize, whole(kind), &mut own, console));
     all.iter().all(|passed| *passed)
 }
