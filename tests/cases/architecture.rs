@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The packages of this repository, each with the others that it may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 18] = [
+const EDGES: [(&str, &[&str]); 19] = [
     ("elunar-core", &[]),
     ("elunar-testing", &[]),
     ("elunar-base", &[]),
