@@ -38,8 +38,8 @@ def read(path):
 
 
 def sample_hash(path):
-    """SHA-256 of the samples, row by row from the top, as little-endian float32."""
-    return hashlib.sha256(read(path)[0].astype("<f4").tobytes()).hexdigest()
+    """SHA-256 of the samples, row by row from the top, as little-endian float32; -0 counts as 0."""
+    return hashlib.sha256((read(path)[0] + 0).astype("<f4").tobytes()).hexdigest()
 
 
 def gradient(heights_m, pixel_m):

@@ -6,7 +6,7 @@
 
 /* Pixels of the largest tile, and bytes of a context for the flight model, from eld_model_check on the ground: onboard/docs/budgets.md. */
 #define DUTY_PX (256u * 320u)
-#define DUTY_MEMORY_BYTES 2266512u
+#define DUTY_MEMORY_BYTES 2266576u
 
 /* Work between two resets of the watchdog. See "Budget and watchdog" in onboard/docs/integration.md. */
 #define DUTY_BUDGET_MACS 5000000u
