@@ -14,7 +14,7 @@ echo "id,image,coarse" >t.csv
 for ((i = 0; i < 24; i++)); do printf 's%d,s/scene_%04d_image.tif,s/scene_%04d_coarse.tif\n' "$i" "$i" "$i" >>t.csv; done
 "$program" manifest --table t.csv --model "$model" --output-dir out -o m.jsonl >/dev/null
 cores="$(nproc)"
-plan="$("$program" plan --manifest m.jsonl --cores "$cores" --most-tasks 1 --task-s 0 --json)"
+plan="$("$program" plan --manifest m.jsonl --cores "$cores" --most-tasks 1 --json)"
 start="$(date +%s.%N)"
 "$program" batch --manifest m.jsonl --jobs "$cores" >log.jsonl 2>log.err
 end="$(date +%s.%N)"

@@ -123,7 +123,6 @@ suite --model @.eld --out out
 suite --model @.safetensors --out out
 faults @.eld --injections 1
 train-speed --start-from @.safetensors --count 1
-demo --model @.safetensors --out out
 ";
 
 /// Returns a folder with good inputs.

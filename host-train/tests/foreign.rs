@@ -46,13 +46,13 @@ fn jobs() -> Vec<Job> {
         ),
         job("suite --suite list.toml --model small.safetensors --threads 1 --out out", &["scenes/scenes.csv"], false),
         job("suite --suite list.toml --scenes-only --out out", &[], false),
-        job("faults nano.eld --injections 7 --moments 1 --threads 1 --out out", &[], false),
+        job("faults nano.eld --injections 7 --threads 1 --out out", &[], false),
         job(
             "experiment e.toml --steps 1 --suite list.toml --threads 1 --out out",
             &["e/training/checkpoint.new/"],
             false,
         ),
-        job("demo --steps 1 --threads 1 --out out", &["training/checkpoint.new/"], false),
+        job("demo --steps 1 --out out", &["training/checkpoint.new/"], false),
     ]
 }
 

@@ -182,8 +182,8 @@ fn inspect_takes_models_apart_and_nothing_else() {
     let shell = Shell::new();
     std::fs::write(shell.path("mini.eld"), &made.bytes).unwrap();
     std::fs::write(shell.path("points.csv"), "lon,lat,radius_km\n1,2,1737.5\n").unwrap();
-    let text = shell.made(&["inspect", "mini.eld", "--time", "--tiles", "1", "--kernel", Kernel::SCALAR.name()]);
-    assert!(text.contains(&format!("kernel {}", Kernel::SCALAR.name())) && text.contains("share"), "{text}");
+    let text = shell.made(&["inspect", "mini.eld", "--time"]);
+    assert!(text.contains(&format!("kernel {}", Kernel::best().name())) && text.contains("share"), "{text}");
     let json: serde_json::Value =
         serde_json::from_str(&shell.made(&["inspect", "mini.eld", "--json", "--plan", "plan.png"])).unwrap();
     assert_eq!(json["operators"].as_array().unwrap().len(), made.program.operators.len());
@@ -196,7 +196,7 @@ fn inspect_takes_models_apart_and_nothing_else() {
     for (arguments, expected) in [
         (&["inspect", "points.csv", "--json"][..], "points.csv: expected a model (.eld)"),
         (&["inspect", "mini.eld", "--plan", "plan.jpg"], "plan.jpg: a name ending in .png expected"),
-        (&["inspect", "mini.eld", "--time", "--kernel", "abacus"], "--kernel: expected one of"),
+        (&["latency", "--model", "mini.eld", "--kernel", "abacus"], "--kernel: expected one of"),
     ] {
         let text = shell.refused(arguments);
         assert!(text.contains(expected), "{text}");

@@ -65,7 +65,7 @@ fn differences_follow_their_options() {
     assert_eq!((made.rows, made.cols, made.valid_count()), (60, 80, 40 * 50));
     assert!(made.samples.iter().filter(|d| d.is_finite()).all(|d| (d + 3.0).abs() < 1e-3));
     assert!(bench.path("d.png").exists());
-    for (options, mean) in [(&[][..], -3.0), (&["--reverse"], 3.0), (&["--absolute"], 3.0)] {
+    for (options, mean) in [(&[][..], -3.0), (&["--absolute"], 3.0)] {
         let text = bench.made(&[&["diff", "left.tif", "right.tif", "--json"][..], options].concat());
         let found: serde_json::Value = serde_json::from_str(&text).unwrap();
         assert!((found["mean_m"].as_f64().unwrap() - mean).abs() < 1e-3, "{options:?}: {found}");
@@ -126,18 +126,11 @@ fn prepared_tiles_follow_their_options() {
     assert_eq!((plain["tiles"].as_u64(), plain["splits"]["test"]["tiles"].as_u64()), (Some(4), Some(2)));
     let sharded = of("sharded", &["--split", "1,0,0", "--shard-tiles", "1"]);
     assert_eq!(sharded["splits"]["train"]["shards"].as_array().unwrap().len(), 4);
-    let lit =
-        of("lit", &["--sun-azimuth", "-20", "--sun-elevation", "30", "--interpolation", "bilinear", "--seed", "4"]);
+    let lit = of("lit", &["--sun-azimuth", "-20", "--sun-elevation", "30", "--seed", "4"]);
     assert_eq!(
         (lit["scenes"][0]["azimuth_used_deg"].as_f64(), lit["parameters"]["seed"].as_u64()),
         (Some(-20.0), Some(4))
     );
-    assert_eq!(lit["parameters"]["interpolation"], "bilinear");
-    let unmeasured = of(
-        "unmeasured",
-        &["--min-correlation", "2", "--search", "4", "--max-offset", "0.001", "--interpolation", "cubicspline"],
-    );
-    assert_eq!((unmeasured["scenes"][0]["offset_measured"].as_u64(), unmeasured["kept"].as_u64()), (Some(0), Some(4)));
     let text = bench.refused(&[&["prepare", "--out", "strict", "--max-offset", "0.0001"][..], &files].concat());
     assert!(text.contains("Offset 4"), "{text}");
     let text = bench.refused(&[&["prepare", "--out", "dull", "--max-saturated", "0"][..], &files].concat());

@@ -488,14 +488,13 @@ def diff(
     pixel_size: float | None = None,
     second_transform: Any = None,
     absolute: bool = False,
-    reverse: bool = False,
     picture: Path | None = None,
     progress: Progress = "auto",
 ) -> tuple[Any, dict[str, Any]]:
     """Subtracts the second DTM from the first, on the grid of the first, metres.
 
-    Arrays lie on one grid, or the second on that of ``second_transform``; it is interpolated bilinearly. ``absolute`` takes the absolute value,
-    ``reverse`` the first from the second. ``output`` and ``picture`` are also written. Returns the difference, float32 of the first DTM's kind, NaN
+    Arrays lie on one grid, or the second on that of ``second_transform``; it is interpolated bilinearly. ``absolute`` takes the absolute value.
+    ``output`` and ``picture`` are also written. Returns the difference, float32 of the first DTM's kind, NaN
     where either is void, and its statistics, metres.
 
     >>> import numpy
@@ -506,7 +505,7 @@ def diff(
     place = _place(transform, crs, pixel_size)
     on = place if second_transform is None else Place(_grids.affine(second_transform), crs, None)
     grids = [_grids.grid("first", first, place), _grids.grid("second", second, on)]
-    options = {"output": output, "picture": picture, "absolute": absolute, "reverse": reverse}
+    options = {"output": output, "picture": picture, "absolute": absolute}
     words = ["diff", *_words(options), "--", *(grid.word for grid in grids)]
     outcome = _call(words, grids, True, progress)
     return _grids.like(grids[0], outcome["maps"]["difference"], None, "m"), _record(outcome)
@@ -585,9 +584,6 @@ def sfs(
     smoothness_weight: float | None = None,
     dem_constraint_weight: float | None = None,
     shadow_threshold: float | None = None,
-    levels: int | None = None,
-    iterations: int | None = None,
-    tolerance: float | None = None,
     threads: int = 0,
     progress: Progress = "auto",
 ) -> tuple[Any, dict[str, Any]]:
@@ -616,8 +612,7 @@ def sfs(
         {
             "output": _NOWHERE if output is None else output, "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation,
             "time": _utc(time), "fit_sun": fit_sun, "smoothness_weight": smoothness_weight, "dem_constraint_weight": dem_constraint_weight,
-            "shadow_threshold": shadow_threshold, "levels": levels, "iterations": iterations, "tolerance": tolerance,
-            "threads": threads,
+            "shadow_threshold": shadow_threshold, "threads": threads,
         }
     )  # fmt: skip
     outcome = _call(words, [seen, ground], output is None, progress)
@@ -634,15 +629,12 @@ def lola(
     pixel_size: float | None = None,
     search_m: float | None = None,
     csv_format: str | None = None,
-    track_gap_s: float | None = None,
-    min_points: int | None = None,
     progress: Progress = "auto",
 ) -> dict[str, Any]:
     """Compares a DTM of shape (rows, columns), metres, with tracks of a laser altimeter, each shifted to its best fit.
 
     ``tracks`` are tables (CSV) of points. ``search_m`` is the greatest shift along either axis, metres [20], ``csv_format`` the columns as for ``elunar
-    lola``, ``track_gap_s`` the pause that begins a new track, seconds, ``min_points`` the least number of points of a track [10]. Returns what
-    ``elunar lola --json`` prints, metres.
+    lola``. Returns what ``elunar lola --json`` prints, metres.
 
     >>> import numpy, tempfile
     >>> y, x = numpy.mgrid[0:80, 0:60]
@@ -656,10 +648,7 @@ def lola(
     """
     grid = _grids.grid("dtm", dtm, _place(transform, crs, pixel_size))
     tables = [tracks] if isinstance(tracks, (str, os.PathLike)) else list(tracks)
-    options = {
-        "tracks": tables, "search_m": search_m, "csv_format": csv_format, "track_gap_s": track_gap_s,
-        "min_points": min_points,
-    }  # fmt: skip
+    options = {"tracks": tables, "search_m": search_m, "csv_format": csv_format}
     return _record(_call(["lola", "--json", f"--dtm={grid.word}", *_words(options)], [grid], True, progress))
 
 

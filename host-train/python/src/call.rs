@@ -172,7 +172,7 @@ fn predict(request: &Request, besides: Besides) -> Result<Outcome> {
         model.map_or_else(|| job::open(path), |model| Ok(Box::new(model)))
     };
     if !in_memory {
-        let Done { text, json } = job::run(request, open)?;
+        let Done { text, json } = job::run(request, None, open)?;
         return Ok(Outcome { text, json, ..Outcome::default() });
     }
     let PredictedMaps { maps, shape, georef, json } =

@@ -25,15 +25,9 @@ pub struct Args {
     /// Number of training steps [default: 120, or 300 from scratch].
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
-    /// Fine-tune these weights instead of the shipped ones.
-    #[arg(long, value_name = "W.safetensors", conflicts_with = "from_scratch")]
-    pub model: Option<PathBuf>,
     /// Train nano from random weights instead of fine-tuning.
     #[arg(long)]
     pub from_scratch: bool,
-    /// Number of threads of the prediction; 0 takes as many as the machine offers [default: 2].
-    #[arg(long, value_parser = elunar::threads::number)]
-    pub threads: Option<usize>,
 }
 
 /// Runs the command.
@@ -41,12 +35,8 @@ pub struct Args {
 /// # Errors
 /// Errors of the tour.
 pub fn run(args: Args) -> Result<()> {
-    let start = match (args.from_scratch, args.model) {
-        (true, _) => TourSettings::scratch(),
-        (false, model) => InitialWeights::Weights(model.unwrap_or_else(|| SHIPPED_MODEL.into())),
-    };
+    let start = if args.from_scratch { TourSettings::scratch() } else { InitialWeights::Weights(SHIPPED_MODEL.into()) };
     let out = args.out.unwrap_or_else(|| "out".into());
-    let mut settings = TourSettings::new(out, start, args.seed.unwrap_or(0), args.steps);
-    settings.threads = args.threads.unwrap_or(settings.threads);
+    let settings = TourSettings::new(out, start, args.seed.unwrap_or(0), args.steps);
     tour(&settings).map(drop)
 }

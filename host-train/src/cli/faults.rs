@@ -31,9 +31,6 @@ pub struct Args {
     /// Seed of the injections and of the tile.
     #[arg(long, default_value_t = 1)]
     pub seed: u64,
-    /// Number of moments of the run at which bits flip. Kinds of operators without a moment get one more.
-    #[arg(long, default_value_t = 64, value_parser = clap::value_parser!(u64).range(1..=4096))]
-    pub moments: u64,
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = elunar::threads::number)]
     pub threads: usize,
@@ -47,6 +44,9 @@ pub struct Args {
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
 }
+
+/// Number of moments of the run at which bits flip. Kinds of operators without a moment get one more.
+const MOMENTS: usize = 64;
 
 /// The files in its folder: table, picture, journal.
 const FILES: [&str; 3] = ["faults.md", "faults.png", "injections.csv"];
@@ -123,10 +123,9 @@ enum FaultSubject<'a> {
 
 impl<'a> FaultSubject<'a> {
     fn record(args: &Args, model: &'a Int8Model) -> Result<Self> {
-        let moments = args.moments as usize;
         Ok(match args.strip {
-            true => Self::Strip(Box::new(StripCampaign::record(model, args.seed, moments)?)),
-            false => Self::Tile(Moments::record(model, args.seed, moments, !args.unprotected)?),
+            true => Self::Strip(Box::new(StripCampaign::record(model, args.seed, MOMENTS)?)),
+            false => Self::Tile(Moments::record(model, args.seed, MOMENTS, !args.unprotected)?),
         })
     }
 

@@ -53,7 +53,7 @@ pub(super) fn start(settings: &TourSettings) -> Result<(NetConfig, NetWeights)> 
     match &settings.start {
         InitialWeights::Scratch(network) => Ok((network.clone(), initial_weights(network, settings.seed))),
         InitialWeights::Weights(path) if !path.exists() => Err(Error::input(format!(
-            "{}: expected the weights to start from, found no such file; give --model, or --from-scratch to do without",
+            "{}: expected the weights to start from, found no such file; --from-scratch does without",
             path.display()
         ))),
         InitialWeights::Weights(path) => {

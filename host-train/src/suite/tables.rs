@@ -24,6 +24,27 @@ fn digits(value: Option<f64>, digits: usize) -> String {
     }
 }
 
+/// Headings of the figures of a method, on a scene or over several.
+const FIGURES: [&str; 17] = [
+    "|e|<2 m, %",
+    "|e|<4 m, %",
+    "|e|<10 m, %",
+    "MAE, m",
+    "RMSE, m",
+    "RMSE / coarse",
+    "slope MAE, °",
+    "slope vector error",
+    "its ratio to coarse",
+    "RMSE long waves, m",
+    "RMSE short waves, m",
+    "correlation short waves",
+    "slope vector error, bright",
+    "slope vector error, shaded",
+    "hillshade–image correlation",
+    "time, s",
+    "half-coherence wavelength, m",
+];
+
 fn heading(names: &[&str]) -> Vec<String> {
     names.iter().map(|name| (*name).to_string()).collect()
 }
@@ -53,35 +74,13 @@ pub fn learning(results: &SuiteResults) -> TextTable {
 /// Returns the table of every method on every scene: the paper's Table VI, and the relief.
 #[must_use]
 pub fn scenes(results: &SuiteResults) -> TextTable {
-    let names = [
-        "scene",
-        "method",
-        "|e|<2 m, %",
-        "|e|<4 m, %",
-        "|e|<10 m, %",
-        "MAE, m",
-        "RMSE, m",
-        "RMSE / coarse",
-        "slope MAE, °",
-        "slope vector error",
-        "its ratio to coarse",
-        "RMSE long waves, m",
-        "RMSE short waves, m",
-        "correlation short waves",
-        "slope vector error, bright",
-        "slope vector error, shaded",
-        "hillshade–image correlation",
-        "time, s",
-        "half-coherence wavelength, m",
-        "offset down, px",
-        "offset right, px",
-    ];
+    let heading = heading(&[&["scene", "method"][..], &FIGURES, &["offset down, px", "offset right, px"]].concat());
     let mut rows = vec![];
     for scene in &results.scenes {
         let coarse = scene.scored.first();
         rows.extend(scene.scored.iter().map(|scored| [vec![scene.name.clone()], scene_row(scored, coarse)].concat()));
     }
-    TextTable { heading: heading(&names), rows }
+    TextTable { heading, rows }
 }
 
 fn scene_row(scored: &MethodScores, coarse: Option<&MethodScores>) -> Vec<String> {
@@ -125,29 +124,8 @@ fn half_coherence(scored: &MethodScores) -> String {
 /// Returns the table of every method over every kind of scene, and over all.
 #[must_use]
 pub fn sums(results: &SuiteResults) -> TextTable {
-    let names = [
-        "scenes",
-        "method",
-        "number",
-        "|e|<2 m, %",
-        "|e|<4 m, %",
-        "|e|<10 m, %",
-        "MAE, m",
-        "RMSE, m",
-        "RMSE / coarse",
-        "slope MAE, °",
-        "slope vector error",
-        "its ratio to coarse",
-        "RMSE long waves, m",
-        "RMSE short waves, m",
-        "correlation short waves",
-        "slope vector error, bright",
-        "slope vector error, shaded",
-        "hillshade–image correlation",
-        "time, s",
-        "half-coherence wavelength, m",
-    ];
-    TextTable { heading: heading(&names), rows: summaries(results).iter().map(sum_row).collect() }
+    let heading = heading(&[&["scenes", "method", "number"][..], &FIGURES].concat());
+    TextTable { heading, rows: summaries(results).iter().map(sum_row).collect() }
 }
 
 fn sum_row(sum: &SuiteSummary) -> Vec<String> {

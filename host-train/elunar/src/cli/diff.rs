@@ -3,7 +3,7 @@
 use crate::held::Held;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
-use elunar_evaluate::diff::{DiffOptions, Statistics, difference};
+use elunar_evaluate::diff::{Statistics, difference};
 use elunar_raster::Raster;
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
@@ -27,9 +27,6 @@ pub struct Args {
     /// Take the absolute difference.
     #[arg(long)]
     pub absolute: bool,
-    /// Subtract the first from the second. The grid is that of the first in both cases.
-    #[arg(long)]
-    pub reverse: bool,
     /// Write the difference.
     #[arg(short, long, value_name = "DIFF.tif")]
     pub output: Option<PathBuf>,
@@ -83,11 +80,10 @@ pub fn make(args: &Args, held: &Held) -> Result<MadeDifference> {
     let _owners = output::take_all(args.output.iter().chain(&args.picture), &inputs)?;
     let (first, second) = (held.read_heights(&args.first)?, held.read_heights(&args.second)?);
     let (first_name, second_name) = (args.first.display().to_string(), args.second.display().to_string());
-    let options = DiffOptions { reverse: args.reverse, absolute: args.absolute };
-    let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), options)?;
+    let made = difference(Named::new(&first_name, &first), Named::new(&second_name, &second), args.absolute)?;
     let statistics = Statistics::of(&made.samples).ok_or_else(|| Error::usage("diff: no difference found"))?;
-    let (a, b) = if args.reverse { (&second_name, &first_name) } else { (&first_name, &second_name) };
-    let what = if args.absolute { format!("|{a} - {b}|") } else { format!("{a} - {b}") };
+    let what = format!("{first_name} - {second_name}");
+    let what = if args.absolute { format!("|{what}|") } else { what };
     if let Some(path) = &args.picture {
         elunar_picture::write_png(path, elunar_picture::error_map(&made.samples, made.rows, made.cols)?)?;
     }

@@ -3,6 +3,7 @@
 use crate::inspect;
 use crate::picture::arena;
 use elunar_base::Result;
+use elunar_core::nn::Kernel;
 use elunar_net::inspect::plan_text;
 use elunar_net::shipped;
 use std::path::PathBuf;
@@ -27,12 +28,6 @@ pub struct Args {
     /// Measure the time of every operator of a model.
     #[arg(long)]
     pub time: bool,
-    /// Kernel to measure [default: the fastest this processor runs].
-    #[arg(long, value_name = "NAME", requires = "time")]
-    pub kernel: Option<String>,
-    /// Number of tiles to measure.
-    #[arg(long, default_value_t = 5, value_parser = clap::value_parser!(u64).range(1..=10_000), requires = "time")]
-    pub tiles: u64,
     /// Draw a model's memory during a tile, tensor by tensor.
     #[arg(long, value_name = "P.png")]
     pub plan: Option<PathBuf>,
@@ -40,6 +35,9 @@ pub struct Args {
     #[arg(long)]
     pub json: bool,
 }
+
+/// Number of tiles that are timed.
+const TILES: usize = 5;
 
 /// Runs the command.
 ///
@@ -58,8 +56,7 @@ pub fn run(args: Args) -> Result<()> {
         crate::outputs::extension(picture, &["png"])?;
     }
     let _owner = crate::outputs::take_all(&args.plan, &[&args.file])?;
-    let kernel = super::latency::kernel(args.kernel.as_deref())?;
-    let plan = inspect::plan(&args.file, args.time.then_some((kernel, args.tiles as usize)))?;
+    let plan = inspect::plan(&args.file, args.time.then_some((Kernel::best(), TILES)))?;
     if let Some(path) = &args.plan {
         elunar_picture::write_png(path, arena(&plan)?)?;
     }

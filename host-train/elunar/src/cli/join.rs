@@ -1,8 +1,7 @@
 //! `elunar join`: makes a DTM of parts that `predict --part` made.
 
-use super::predict;
-use crate::job;
-use elunar_base::{Error, Result};
+use crate::job::{self, Request};
+use elunar_base::Result;
 use elunar_scene::predict::network::TileModel;
 use std::path::Path;
 
@@ -21,9 +20,12 @@ pub struct Args {
     /// Number of parts.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=100_000))]
     pub parts: u32,
-    /// Options of the parts.
+    /// What the parts were asked for.
     #[command(flatten)]
-    pub predict: predict::Args,
+    pub request: Request,
+    /// Print what was taken and found as one JSON object on stdout; the text goes to stderr.
+    #[arg(long)]
+    pub json: bool,
 }
 
 /// Runs the command.
@@ -39,9 +41,5 @@ pub fn run(args: Args) -> Result<()> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<()> {
-    if args.predict.request.part.is_some() {
-        return Err(Error::usage("--part: expected only for `predict`; `join` takes all parts"));
-    }
-    let predict::Args { request, json } = args.predict;
-    job::join(&request, args.parts as usize, open).map(|done| done.print(json))
+    job::join(&args.request, args.parts as usize, open).map(|done| done.print(args.json))
 }

@@ -28,10 +28,7 @@ pub struct Args {
     /// Number of threads, each with its own tile; 0 takes as many as the machine offers. The float backend may use more threads internally.
     #[arg(long, default_value_t = 1, value_parser = crate::threads::number)]
     pub threads: usize,
-    /// Time to measure with each clock, seconds.
-    #[arg(long, default_value_t = 3.0, conflicts_with = "tiles")]
-    pub seconds: f64,
-    /// Number of tiles to measure on every thread with each clock, instead of a time.
+    /// Number of tiles to measure on every thread with each clock [default: as many as take three seconds].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1_000_000))]
     pub tiles: Option<u64>,
     /// Kernel of the int8 runner [default: the fastest this processor runs].
@@ -121,13 +118,12 @@ pub fn run_other(args: &Args, model: &dyn TileModel, kernel: String) -> Result<(
 
 impl Args {
     fn extent(&self) -> Extent {
-        let seconds = Duration::from_secs_f64(self.seconds.clamp(0.1, 3600.0));
-        self.tiles.map_or(Extent::Time(seconds), Extent::Tiles)
+        self.tiles.map_or(Extent::Time(Duration::from_secs(3)), Extent::Tiles)
     }
 }
 
 /// Returns the kernel with that name; without a name, the fastest.
-pub(super) fn kernel(name: Option<&str>) -> Result<Kernel> {
+fn kernel(name: Option<&str>) -> Result<Kernel> {
     let Some(name) = name else { return Ok(Kernel::best()) };
     Kernel::available().find(|kernel| kernel.name() == name).ok_or_else(|| {
         let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();

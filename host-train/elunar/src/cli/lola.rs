@@ -32,16 +32,13 @@ pub struct Args {
     /// Columns, such as '2:lon 3:lat 4:radius_km'. Further names are radius_m, height_above_datum, time and flag.
     #[arg(long, value_name = "COLUMNS")]
     pub csv_format: Option<CsvFormat>,
-    /// A pause longer than this begins a new track, seconds.
-    #[arg(long, value_name = "S", default_value_t = TRACK_GAP_S)]
-    pub track_gap_s: f64,
-    /// Least number of points of a track on valid heights. Tracks with fewer are left out.
-    #[arg(long, value_name = "N", default_value_t = 10)]
-    pub min_points: usize,
     /// Print JSON instead of a table.
     #[arg(long)]
     pub json: bool,
 }
+
+/// Least number of points of a track on valid heights. Tracks with fewer are left out.
+const MIN_POINTS: usize = 10;
 
 /// Runs the command.
 ///
@@ -69,7 +66,7 @@ pub fn compare(args: &Args, held: &Held) -> Result<Report> {
     for path in &args.tracks {
         let table = csv::read(path, args.csv_format.as_ref(), ground.sphere_m())?;
         report.flagged += table.flagged;
-        let tracks = split(&table.points, args.track_gap_s);
+        let tracks = split(&table.points, TRACK_GAP_S);
         let bar = progress::bar("", tracks.len() as u64, "tracks");
         bar.set_message(path.display().to_string());
         let file =
@@ -77,7 +74,7 @@ pub fn compare(args: &Args, held: &Held) -> Result<Report> {
         for (index, track) in tracks.iter().enumerate() {
             interrupt::check("lola")?;
             let name = if tracks.len() == 1 { file.clone() } else { format!("{file}#{}", index + 1) };
-            report.tracks.push(ComparedTrack { name, points: track.len(), fit: ground.fit(track, args.min_points)? });
+            report.tracks.push(ComparedTrack { name, points: track.len(), fit: ground.fit(track, MIN_POINTS)? });
             bar.inc(1);
         }
         bar.finish_and_clear();
@@ -85,9 +82,8 @@ pub fn compare(args: &Args, held: &Held) -> Result<Report> {
     if report.tracks.iter().all(|track| track.fit.is_none()) {
         let points: usize = report.tracks.iter().map(|track| track.points).sum();
         return Err(Error::usage(format!(
-            "{}: at least {} points of a track on valid heights, {} m from the edge, expected, found none such among {points} points of {} tracks",
+            "{}: at least {MIN_POINTS} points of a track on valid heights, {} m from the edge, expected, found none such among {points} points of {} tracks",
             report.dtm,
-            args.min_points.max(2),
             args.search_m,
             report.tracks.len()
         )));
@@ -154,24 +150,9 @@ mod tests {
             assert!((fit.x_m - 4.0).abs() < 1e-3 && fit.y_m.abs() < 1e-3 && fit.std_m < 0.01, "{fit:?}");
         }
         assert_eq!(report.tracks[2].fit, None);
-        let one = compare(
-            &args(&["--dtm", dtm, "--tracks", csv, "--search-m", "8", "--track-gap-s", "1e9"]),
-            &Held::default(),
-        )
-        .unwrap();
-        assert_eq!((one.tracks.len(), one.tracks[0].name.as_str()), (1, "t.csv"));
-        let named = args(&[
-            "--dtm",
-            dtm,
-            "--tracks",
-            csv,
-            csv,
-            "--csv-format",
-            "2:lon 3:lat 4:radius_km",
-            "--min-points",
-            "200",
-        ]);
+        std::fs::write(csv, heading.to_owned() + &few).unwrap();
+        let named = args(&["--dtm", dtm, "--tracks", csv, csv, "--csv-format", "2:lon 3:lat 4:radius_km"]);
         let text = compare(&named, &Held::default()).unwrap_err().to_string();
-        assert!(text.contains("at least 200 points") && text.contains("206 points of 2 tracks"), "{text}");
+        assert!(text.contains("at least 10 points") && text.contains("6 points of 2 tracks"), "{text}");
     }
 }

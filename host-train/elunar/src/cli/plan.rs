@@ -28,9 +28,6 @@ pub struct Args {
     /// What the storage reads and writes for all nodes together, 10^6 bytes a second.
     #[arg(long, value_name = "MB/s", default_value_t = 500.0)]
     pub storage_mb: f64,
-    /// What the engine takes to begin a task, seconds.
-    #[arg(long, value_name = "S", default_value_t = 0.1)]
-    pub task_s: f64,
     /// Most tasks of an array (MaxArraySize of Slurm, less one).
     #[arg(long, value_name = "N", default_value_t = 1000, value_parser = clap::value_parser!(u64).range(1..=4_000_000))]
     pub most_tasks: u64,
@@ -39,15 +36,16 @@ pub struct Args {
     pub json: bool,
 }
 
+/// What an engine takes to begin a task, seconds.
+const TASK_S: f64 = 0.1;
+
 /// Runs the command.
 ///
 /// # Errors
 /// If the manifest cannot be read, or `predict` fails on the scenes that are timed.
 pub fn run(args: Args) -> Result<()> {
-    for (name, value) in [("--storage-mb", args.storage_mb), ("--task-s", args.task_s)] {
-        if !(value.is_finite() && value >= 0.0 && (value > 0.0 || name == "--task-s")) {
-            return Err(Error::usage(format!("{name}: a number above 0 expected, {value} found")));
-        }
+    if !(args.storage_mb.is_finite() && args.storage_mb > 0.0) {
+        return Err(Error::usage(format!("--storage-mb: a number above 0 expected, {} found", args.storage_mb)));
     }
     let manifest = BatchManifest::read(&args.manifest)?;
     let items: Vec<BatchItem> = manifest.items.iter().map(|(_, item)| item.clone()).collect();
@@ -61,7 +59,7 @@ pub fn run(args: Args) -> Result<()> {
         nodes: args.nodes as usize,
         cores: args.cores as usize,
         storage_bytes_s: 1e6 * args.storage_mb,
-        task_s: args.task_s,
+        task_s: TASK_S,
         most_tasks: args.most_tasks as usize,
     };
     let made = plan(&items, &costs, &cluster);

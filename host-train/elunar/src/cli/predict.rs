@@ -3,6 +3,7 @@
 use crate::job::{self, Request};
 use elunar_base::Result;
 use elunar_scene::predict::network::TileModel;
+use elunar_scene::predict::span::PartOf;
 use std::path::Path;
 
 /// Help text below the options.
@@ -24,6 +25,9 @@ pub struct Args {
     /// What is wanted.
     #[command(flatten)]
     pub request: Request,
+    /// Make only the rows of part K of N, in dtm.tif.K-of-N.rows; `join` makes the DTM of all parts.
+    #[arg(long, value_name = "K/N")]
+    pub part: Option<PartOf>,
     /// Print what was taken and found as one JSON object on stdout; the text goes to stderr.
     #[arg(long)]
     pub json: bool,
@@ -42,5 +46,5 @@ pub fn run(args: Args) -> Result<()> {
 /// # Errors
 /// As [`run`].
 pub fn run_with(args: Args, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<()> {
-    job::run(&args.request, open).map(|done| done.print(args.json))
+    job::run(&args.request, args.part, open).map(|done| done.print(args.json))
 }

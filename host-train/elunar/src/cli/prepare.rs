@@ -46,21 +46,12 @@ pub struct Args {
     /// Folder to write; created if absent.
     #[arg(long, value_name = "DIR")]
     pub out: PathBuf,
-    /// Interpolation of the DTMs onto the image's grid.
-    #[arg(long, default_value = "bicubic")]
-    pub interpolation: Interpolation,
     /// Unit of the coarse DTMs' heights, if the files do not state it [default: m].
     #[arg(long)]
     pub coarse_unit: Option<HeightUnit>,
     /// Largest offset between image and DTM, pixels.
     #[arg(long, value_name = "PX", default_value_t = 2.0)]
     pub max_offset: f64,
-    /// Greatest offset that is searched, pixels.
-    #[arg(long, value_name = "PX", default_value_t = 8)]
-    pub search: usize,
-    /// Least correlation of image and hillshade for a valid offset.
-    #[arg(long, value_name = "R", default_value_t = 0.3)]
-    pub min_correlation: f64,
     /// Largest share of a tile's pixels at its brightest value.
     #[arg(long, value_name = "SHARE", default_value_t = 0.01)]
     pub max_saturated: f64,
@@ -100,11 +91,11 @@ pub fn run(args: Args) -> Result<()> {
         scene.sun_elevation_deg = scene.sun_elevation_deg.or(args.sun_elevation);
     }
     let parameters = PrepareOptions {
-        interpolation: name(args.interpolation),
+        interpolation: name(Interpolation::Bicubic),
         coarse_unit: args.coarse_unit.map(name),
         max_offset_px: args.max_offset,
-        search_px: args.search,
-        min_correlation: args.min_correlation,
+        search_px: 8,
+        min_correlation: 0.3,
         max_saturated: args.max_saturated,
         shares,
         shard_tiles: args.shard_tiles,

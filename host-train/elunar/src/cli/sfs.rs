@@ -43,15 +43,6 @@ pub struct Args {
     /// Pixels at or below this share of the tile's mean brightness are shadow; their brightness has no weight [default: 0].
     #[arg(long, value_name = "SHARE")]
     pub shadow_threshold: Option<f64>,
-    /// Levels of the pyramid [default: 4].
-    #[arg(long, value_name = "N")]
-    pub levels: Option<usize>,
-    /// Greatest number of Gauss-Newton steps of a level [default: 40].
-    #[arg(long, value_name = "N")]
-    pub iterations: Option<usize>,
-    /// A level is finished when three steps together lower its cost by no more than this share [default: 0.001].
-    #[arg(long, value_name = "SHARE")]
-    pub tolerance: Option<f64>,
     /// Number of threads, each with its own tiles; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = crate::threads::number)]
     pub threads: usize,
@@ -209,9 +200,6 @@ impl Args {
             smoothness_weight_m: self.smoothness_weight.unwrap_or(default.smoothness_weight_m),
             dem_constraint_weight_per_m: self.dem_constraint_weight.unwrap_or(default.dem_constraint_weight_per_m),
             shadow_threshold: self.shadow_threshold.unwrap_or(default.shadow_threshold),
-            levels: self.levels.unwrap_or(default.levels),
-            iterations: self.iterations.unwrap_or(default.iterations),
-            tolerance: self.tolerance.unwrap_or(default.tolerance),
             threads: self.threads,
             ..default
         }
@@ -306,7 +294,7 @@ mod tests {
         Moon::new(3, options).unwrap().scene(0, 400, 500).unwrap().write(folder.path()).unwrap();
         let suns = ["--sun-azimuth", "--sun-elevation"];
         let light = |less: &[&str], more: &[(&str, &str)], on: &[&str]| {
-            run_without(folder.path(), less, &[more, &[("--iterations", "1")]].concat(), on).unwrap();
+            run_without(folder.path(), less, more, on).unwrap();
             let text = String::from_utf8_lossy(&std::fs::read(folder.path().join("dtm.tif")).unwrap()).into_owned();
             let from = text.find("azimuth ").unwrap();
             text[from..].split(['"', '<', '\0', '\n']).next().unwrap().to_string()

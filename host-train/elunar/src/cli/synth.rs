@@ -48,18 +48,6 @@ pub struct Args {
     /// Least and greatest factor on the albedo's contrast, 0 to 10.
     #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
     pub albedo_contrast: Vec<f64>,
-    /// Least and greatest addition to the weight of the Lommel-Seeliger law, -1 to 1.
-    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0], allow_negative_numbers = true)]
-    pub lunar_weight_shift: Vec<f64>,
-    /// Least and greatest exponent of the DN as a power of the radiance, 0.2 to 5.
-    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [1.0, 1.0])]
-    pub response_exponent: Vec<f64>,
-    /// Least and greatest DN without light, as a share of the mean DN, -0.5 to 2.
-    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0], allow_negative_numbers = true)]
-    pub pedestal: Vec<f64>,
-    /// Least and greatest RMS of stripes and steps of the coarse DTM, metres, 0 to 100.
-    #[arg(long, num_args = 2, value_names = ["LOW", "HIGH"], default_values_t = [0.0, 0.0])]
-    pub coarse_stripes_m: Vec<f64>,
 }
 
 /// File name of the contact sheet.
@@ -84,10 +72,6 @@ pub fn run(args: Args) -> Result<()> {
         sun_elevation_deg: range(&args.sun_elevation_deg),
         relief: range(&args.relief),
         albedo_contrast: range(&args.albedo_contrast),
-        lunar_weight_shift: range(&args.lunar_weight_shift),
-        response_exponent: range(&args.response_exponent),
-        pedestal: range(&args.pedestal),
-        coarse_stripes_m: range(&args.coarse_stripes_m),
         ..SynthOptions::default()
     };
     let moon = Moon::new(args.seed, options.clone())?;
@@ -152,10 +136,6 @@ mod tests {
             sun_elevation_deg: vec![18.0, 64.0],
             relief: vec![1.0, 1.0],
             albedo_contrast: vec![1.0, 1.0],
-            lunar_weight_shift: vec![0.0, 0.0],
-            response_exponent: vec![1.0, 1.0],
-            pedestal: vec![0.0, 0.0],
-            coarse_stripes_m: vec![0.0, 0.0],
         }
     }
 

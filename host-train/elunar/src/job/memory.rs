@@ -104,7 +104,7 @@ mod tests {
         let Command::Predict(args) = Cli::try_parse_from(first.into_iter().chain(words)).unwrap().command else {
             panic!("another command");
         };
-        job::run(&args.request, job::open).unwrap();
+        job::run(&args.request, None, job::open).unwrap();
         let mut held = Held::default();
         for path in [&image, &coarse] {
             held.add(path.as_path(), Arc::new(InMemory::new(source::read(path).unwrap(), None, "memory")));

@@ -74,13 +74,17 @@ pub fn open(path: &Path) -> Result<Box<dyn TileModel>> {
     }
 }
 
-/// Makes what is asked for, with a model from `open`: a DTM, or the rows of a part.
+/// Makes what is asked for, with a model from `open`: a DTM, or the rows of `part` in dtm.tif.K-of-N.rows.
 ///
 /// # Errors
 /// If an input cannot be read, the model cannot be opened, or predicting or writing fails. Then no DTM exists.
-pub fn run(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Done> {
+pub fn run(
+    args: &Request,
+    part: Option<PartOf>,
+    open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>,
+) -> Result<Done> {
     begin(args);
-    match args.part {
+    match part {
         Some(part) => make_part(args, part, open),
         None => make_whole(args, open),
     }

@@ -2,7 +2,6 @@
 
 use super::inputs::Inputs;
 use crate::outputs::OutputTarget;
-use elunar_scene::predict::span::PartOf;
 use std::path::{Path, PathBuf};
 
 /// Inputs, model, outputs and options.
@@ -27,9 +26,6 @@ pub struct Request {
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = crate::threads::number)]
     pub threads: usize,
-    /// Make only the rows of part K of N, in dtm.tif.K-of-N.rows; `join` makes the DTM of all parts.
-    #[arg(long, value_name = "K/N")]
-    pub part: Option<PartOf>,
     /// Folder for the rows of the unfinished DTM, such as a disk of this machine [default: beside the DTM].
     #[arg(long, value_name = "DIR")]
     pub part_dir: Option<PathBuf>,

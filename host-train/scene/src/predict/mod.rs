@@ -2,9 +2,8 @@
 //!
 //! [`Scene::new`] puts the coarse DTM on the image's grid. [`predict_rows`] cuts the scene into overlapping tiles, runs a
 //! [`network::TileModel`] on them and joins the heights, one band of rows at a time. [`PartFile`] keeps finished rows on disk. [`int8`] is the
-//! network of a model file. [`predict_array`] does the same for arrays.
+//! network of a model file.
 
-mod arrays;
 pub mod errors;
 pub mod identity;
 pub mod int8;
@@ -39,7 +38,6 @@ mod tests;
 #[cfg(test)]
 mod unrelated_tests;
 
-pub use arrays::predict_array;
 pub use identity::sum_path;
 pub use maps::{ErrorMaps, Maps};
 pub use output::{DtmWriter, Provenance, hillshade_path};

@@ -24,30 +24,9 @@ pub use reflectance::{SfsLight, Shade};
 pub use settings::{DEM_CONSTRAINT_PER_PX, SMOOTHNESS_PX, SfsSettings};
 
 use crate::predict::span::Span;
-use crate::predict::{Cut, Prediction, Scene, Tally, TileMaker, TileProgress, make_rows};
+use crate::predict::{Cut, Scene, Tally, TileMaker, TileProgress, make_rows};
 use elunar_base::{Error, Result};
 use elunar_core::tile::Shape;
-use elunar_raster::Raster;
-
-/// Solves a scene as [`solve_rows`] does, in memory.
-///
-/// # Errors
-/// As [`solve_rows`].
-pub fn solve(
-    scene: &Scene,
-    settings: &SfsSettings,
-    journal: &SfsJournal,
-    progress: TileProgress,
-) -> Result<Prediction> {
-    let mut samples = Vec::with_capacity(scene.rows * scene.cols);
-    let mut keep = |rows: &[f32]| {
-        samples.extend_from_slice(rows);
-        Ok(())
-    };
-    let tally = solve_rows(scene, settings, journal, 0, &mut keep, progress)?;
-    let dtm = Raster { rows: scene.rows, cols: scene.cols, samples, georef: Some(scene.georef.clone()) };
-    Ok(Prediction { dtm, tally })
-}
 
 /// Solves `scene` from row `from` on. Passes finished rows to `keep` in order: heights in metres, NaN where image or coarse DTM is invalid.
 /// The result is the same for every number of threads and every `from`.
