@@ -168,6 +168,17 @@ fn a_c_program_finds_hazards() {
 }
 
 #[test]
+fn a_model_is_updated_from_c() {
+    let (folder, models) = (folder("slots"), repository().join("tests/golden/provoked"));
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let program = build(&[source("slots.c")], language, &folder);
+        let said = run(Command::new(&program).arg(models.join("mixed.eld")).arg(models.join("int8.eld")));
+        println!("{language}: {}", said.trim());
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
 fn what_c_gets_wrong_has_a_status() {
     let folder = folder("misuse");
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
@@ -204,6 +215,7 @@ fn the_readme_links() {
 /// Sizes and offsets of the C compiler equal those of Rust.
 #[test]
 fn structures_are_laid_out_alike() {
+    use elunar_capi::slots::types::*;
     use elunar_capi::strip::types::*;
     use elunar_capi::types::*;
     use std::mem::{offset_of, size_of};
@@ -225,7 +237,11 @@ fn structures_are_laid_out_alike() {
         eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_telemetry_t { struct_bytes, valid_px, header_crc, calls, self_test_faults }
-        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels, light }
+        eld_strip_settings_t { struct_bytes, pixel_m, expected_errors, post_cols, post_row0, post_cols_per_px, pixels, light, check }
+        eld_check_t { words }
+        eld_slots_storage_t { struct_bytes, slot_sector_bytes, record_bytes, record_sector_bytes, slot_bytes }
+        eld_slots_want_t { struct_bytes, what, region, offset_bytes, bytes, data }
+        eld_slots_state_t { struct_bytes, last_fault, uploaded_bytes, context_repairs, check }
         eld_strip_telemetry_t { struct_bytes, last_fault, ready, tiles, pieces_lost, tile_faults }
     }
     let folder = folder("layout");

@@ -2,6 +2,7 @@
 
 use crate::page;
 use crate::pages::read;
+use elunar_capi::slots::types::*;
 use elunar_capi::status::STATUSES;
 use elunar_capi::strip::types::*;
 use elunar_capi::types::*;
@@ -26,7 +27,7 @@ fn every_function_of_the_header_is_on_the_page_with_its_timing_class() {
     let mut found = BTreeSet::new();
     for item in functions(&page).split("\n- ").skip(1) {
         let (names, rest) = item.split_once(" (").unwrap_or_else(|| panic!("{item}: no timing class"));
-        found.extend(names.split(", ").map(|name| name.trim_matches(&['*', '`'])));
+        found.extend(names.split(", ").map(|name| name.trim_matches(['*', '`'])));
         let class = rest.split([')', ',', ';']).next().unwrap();
         assert!(["constant", "budget", "line", "tile", "file"].contains(&class), "{item}: no timing class");
     }
@@ -39,7 +40,7 @@ fn every_status_is_answered_by_some_function() {
     let (_, rules) = page.split_once("### 2.1").unwrap();
     let (rules, _) = rules.split_once("### 2.3").unwrap();
     for name in STATUSES.iter().map(|known| known.name) {
-        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_", "ELD_NOTICE_STRIP_"]
+        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_", "ELD_NOTICE_STRIP_", "ELD_NOTICE_SLOTS_"]
             .into_iter()
             .find(|family| name.starts_with(family));
         let said = family.map_or(format!("`{name}`"), |family| format!("`{family}*`"));
@@ -67,7 +68,12 @@ fn structures(header: &str) -> Vec<Row> {
         for line in body.lines().filter_map(|line| line.trim().strip_suffix(';')) {
             let split = line.rfind([' ', '*']).unwrap() + 1;
             let (kind, field) = (line[..split].trim(), &line[split..]);
-            let [bytes, align] = if kind.ends_with('*') { [[8, 4]; 2] } else { known[kind] };
+            // An array has its length behind the name.
+            let (field, count) = field
+                .split_once('[')
+                .map_or((field, 1), |(name, count)| (name, count.trim_end_matches(']').parse().unwrap()));
+            let [one, align] = if kind.ends_with('*') { [[8, 4]; 2] } else { known[kind] };
+            let bytes = one.map(|bytes: usize| bytes * count);
             let offset = [0, 1].map(|i| usize::next_multiple_of(at[i], align[i]));
             rows.push((structure.into(), field.into(), kind.into(), offset));
             at = [0, 1].map(|i| offset[i] + bytes[i]);
@@ -89,7 +95,7 @@ fn structures_are_laid_out_as_listed() {
     let found = found.strip_prefix("structure,field,type,offset_64,offset_32\n").unwrap();
     assert_eq!(found, expected, "onboard/docs/structures.csv");
     let names: BTreeSet<&str> = rows.iter().map(|row| row.0.as_str()).collect();
-    assert_eq!(names.len(), 11, "{names:?}");
+    assert_eq!(names.len(), 15, "{names:?}");
 }
 
 /// Returns the fields of a structure with their offsets; it does not compile if a field is left out.
@@ -237,8 +243,37 @@ fn structures_of_strips_are_laid_out_in_rust_as_in_c() {
         post_cols_per_px,
         pixels,
         light,
+        check,
     });
     compare_layout("eld_strip_settings_t", &settings, size_of::<eld_strip_settings_t>());
+}
+
+#[test]
+#[cfg(target_pointer_width = "64")]
+fn structures_of_slots_are_laid_out_in_rust_as_in_c() {
+    let storage =
+        layout!(eld_slots_storage_t { struct_bytes, slot_sector_bytes, record_bytes, record_sector_bytes, slot_bytes });
+    compare_layout("eld_slots_storage_t", &storage, size_of::<eld_slots_storage_t>());
+    let want = layout!(eld_slots_want_t { struct_bytes, what, region, reserved, offset_bytes, bytes, data });
+    compare_layout("eld_slots_want_t", &want, size_of::<eld_slots_want_t>());
+    let state = layout!(eld_slots_state_t {
+        struct_bytes,
+        standing,
+        slot,
+        file_bytes,
+        header_crc,
+        boots_left,
+        rollbacks,
+        record_copies,
+        uploading,
+        last_fault,
+        uploaded_bytes,
+        calls,
+        faults,
+        context_repairs,
+        check,
+    });
+    compare_layout("eld_slots_state_t", &state, size_of::<eld_slots_state_t>());
 }
 
 #[test]
