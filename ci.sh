@@ -182,6 +182,8 @@ no_std() {
     command -v nm >/dev/null || fail "expected nm (Debian package binutils)"
     cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight"
     inspect "$target/flight/release/libelunar.a"
+    # The same bytes from two folders.
+    onboard/flight/archive.sh --check
     # C and C++ programs against the archive itself, with no other library.
     ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --test c --test guides --test cfs
     if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
