@@ -157,7 +157,7 @@ miri() {
     local rule
     for rule in "" -Zmiri-tree-borrows; do
         MIRIFLAGS="-Zmiri-permissive-provenance $rule" cargo +nightly miri test --locked --package elunar-capi \
-            --target i686-unknown-linux-gnu --target-dir "$target/miri" --test aliasing
+            --target i686-unknown-linux-gnu --target-dir "$target/miri" --test aliasing --test small_calls
     done
 }
 
