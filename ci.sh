@@ -23,6 +23,7 @@ fail() { printf 'ERROR: %s\n' "$*" >&2; exit 1; }
 format() {
     cargo fmt --all --check
     cargo fmt --manifest-path "$flight" --all --check
+    cargo fmt --manifest-path onboard/embassy/Cargo.toml --check
     cargo fmt --manifest-path tests/fuzz/Cargo.toml --check
 }
 
@@ -211,6 +212,14 @@ boards() {
     onboard/flight/boards/run.sh --calls "${six[@]}"
     onboard/flight/boards/run.sh --calls --model tests/golden/provoked/guided.eld "${six[@]}"
     onboard/flight/proofs/run.sh
+    embassy
+}
+
+# The example of Embassy on a board, which needs a target of its own.
+embassy() {
+    local missing
+    missing="$(onboard/embassy/run.sh --check)" || { echo "SKIPPED: embassy: $missing"; return 0; }
+    onboard/embassy/run.sh
 }
 
 # No panic reachable in the flight archive, on every board.

@@ -115,6 +115,7 @@ const UNSAFE_ALLOWED: [&str; 12] = [
     "core/src/nn/kernels/",
     "host-train/elunar/src/memory.rs",
     "onboard/capi/src/ffi",
+    "onboard/embassy/src/",
     "onboard/capi/tests/",
     "onboard/flight/demo/src/arch/",
     "onboard/flight/demo/src/c_calls.rs",
