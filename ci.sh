@@ -23,6 +23,7 @@ fail() { printf 'ERROR: %s\n' "$*" >&2; exit 1; }
 format() {
     cargo fmt --all --check
     cargo fmt --manifest-path "$flight" --all --check
+    cargo fmt --manifest-path onboard/embassy/Cargo.toml --check
     cargo fmt --manifest-path tests/fuzz/Cargo.toml --check
 }
 
@@ -157,7 +158,7 @@ miri() {
     local rule
     for rule in "" -Zmiri-tree-borrows; do
         MIRIFLAGS="-Zmiri-permissive-provenance $rule" cargo +nightly miri test --locked --package elunar-capi \
-            --target i686-unknown-linux-gnu --target-dir "$target/miri" --test aliasing
+            --target i686-unknown-linux-gnu --target-dir "$target/miri" --test aliasing --test small_calls
     done
 }
 
@@ -182,6 +183,8 @@ no_std() {
     command -v nm >/dev/null || fail "expected nm (Debian package binutils)"
     cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight"
     inspect "$target/flight/release/libelunar.a"
+    # The same bytes from two folders.
+    onboard/flight/archive.sh --check
     # C and C++ programs against the archive itself, with no other library.
     ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --test c --test guides --test cfs
     if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
@@ -209,6 +212,14 @@ boards() {
     onboard/flight/boards/run.sh --calls "${six[@]}"
     onboard/flight/boards/run.sh --calls --model tests/golden/provoked/guided.eld "${six[@]}"
     onboard/flight/proofs/run.sh
+    embassy
+}
+
+# The example of Embassy on a board, which needs a target of its own.
+embassy() {
+    local missing
+    missing="$(onboard/embassy/run.sh --check)" || { echo "SKIPPED: embassy: $missing"; return 0; }
+    onboard/embassy/run.sh
 }
 
 # No panic reachable in the flight archive, on every board.

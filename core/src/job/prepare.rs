@@ -4,7 +4,7 @@ use super::error::nothing_to_see;
 use super::{InputMap, JobError, Made, Network, Pass, TileInput, TileJob, TileMemory};
 use crate::error::LengthError;
 use crate::mask;
-use crate::nn::{Illumination, KnownSun, LightSource, Lighting, TileLight, TruthRange};
+use crate::nn::{Illumination, KnownSun, LightSource, Lighting, QUANTISED, TileLight, TruthRange};
 use crate::norm::intensity::IntensityRange;
 use crate::norm::light_fit::FitPart;
 use crate::norm::shading::Brightness;
@@ -328,7 +328,7 @@ impl TileJob {
             network.start()?;
         }
         let samples = if map == InputMap::Image { self.input.illumination.image_maps() } else { 1 };
-        Ok((50 * samples * self.tile.cols) as u64)
+        Ok(QUANTISED * (samples * self.tile.cols) as u64)
     }
 }
 

@@ -55,6 +55,7 @@ pub use error::RunError;
 pub use file::error::ModelError;
 pub use input::{Illumination, InputRules, TruthRange};
 pub use lighting::{KnownSun, LightSource, Lighting, TileLight};
+pub(crate) use model::QUANTISED;
 pub use model::{Model, Validation, Verdict};
 pub use runner::{Progress, Runner, Telemetry, required};
 pub(crate) use sum::{sum as sum_bytes, sum_floats};

@@ -62,6 +62,10 @@ pub struct Telemetry {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum State {
     Idle,
+    /// Rows of the self test's tile are loaded, from this one on.
+    Loading {
+        row: usize,
+    },
     At {
         entry: usize,
         step: usize,
@@ -164,14 +168,42 @@ impl<'a, 'm> Runner<'a, 'm> {
     /// # Errors
     /// [`RunError::ModelChanged`].
     pub fn begin_self_test(&mut self) -> Result<(), RunError> {
-        let ((seed, _), Shape { cols, .. }, nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
+        self.begin_self_test_in_steps()?;
+        self.load_self_test(u64::MAX).map(|_| ())
+    }
+
+    /// As [`Self::begin_self_test`], but in constant time: the first calls of [`Self::step`] load the tile.
+    ///
+    /// # Errors
+    /// [`RunError::ModelChanged`].
+    pub fn begin_self_test_in_steps(&mut self) -> Result<(), RunError> {
+        self.prepare()?;
+        self.state = State::Loading { row: 0 };
+        Ok(())
+    }
+
+    /// Loads rows of the self test's tile until the budget is spent; returns what was spent.
+    fn load_self_test(&mut self, budget: u64) -> Result<u64, RunError> {
+        let ((seed, _), Shape { rows, cols }, nr) = (self.model.self_test(), self.model.tile(), self.model.nr());
         let line = cols * self.model.image_maps();
         let image = |i: usize| self_test::image_sample(seed, line, i);
         let coarse = |i: usize| self_test::coarse_sample(seed, cols, i, nr);
-        self.load(
-            |first, out| (first..).zip(out).for_each(|(i, v)| *v = image(i)),
-            |first, out| (first..).zip(out).for_each(|(i, v)| *v = coarse(i)),
-        )
+        let mut spent = 0;
+        while let State::Loading { row } = self.state {
+            if spent >= budget {
+                break;
+            }
+            let image = |first, out: &mut [f32]| (first..).zip(out).for_each(|(i, v)| *v = image(i));
+            let coarse = |first, out: &mut [f32]| (first..).zip(out).for_each(|(i, v)| *v = coarse(i));
+            self.load_row(self.model.image_tensor(), row, image)?;
+            self.load_row(self.model.coarse_tensor(), row, coarse)?;
+            spent += self.model.row_macs();
+            self.state = State::Loading { row: row + 1 };
+            if row + 1 >= rows {
+                self.start();
+            }
+        }
+        Ok(spent)
     }
 
     /// Begins a tile. `image` and `coarse` write samples from an index on; all samples of a call are in one row.
@@ -259,7 +291,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, so it exceeds the
     /// budget by less than one unit ([`Model::largest_unit`]). The work does not depend on the data. A byte that is compared or summed
     /// counts as a multiply-accumulate: the rows that a step reads belong to its first unit, the rows that it writes to its last, and the
-    /// model is compared after the last operator.
+    /// model is compared after the last operator. A sample that is quantised counts as 50.
     ///
     /// # Errors
     /// [`RunError::State`] if no tile was begun; [`RunError::ProgramChanged`], [`RunError::DataChanged`], [`RunError::ModelChanged`] if
@@ -278,9 +310,9 @@ impl<'a, 'm> Runner<'a, 'm> {
     }
 
     fn work(&mut self, budget: u64) -> Result<Progress, RunError> {
-        let mut spent = 0;
+        let mut spent = self.load_self_test(budget)?;
         if let State::At { entry, step, unit } = self.state {
-            spent = self.compute(budget, (entry, step, unit))?;
+            spent = self.compute(budget, spent, (entry, step, unit))?;
         }
         while let State::Verifying { chunk } = self.state {
             if spent >= budget {
@@ -310,13 +342,13 @@ impl<'a, 'm> Runner<'a, 'm> {
         self.telemetry.tiles += 1;
     }
 
-    /// Continues the schedule; returns the multiply-accumulates and bytes spent.
+    /// Continues the schedule; returns the multiply-accumulates and bytes spent, with those before.
     fn compute(
         &mut self,
         budget: u64,
+        mut spent: u64,
         (mut entry, mut step, mut unit): (usize, usize, usize),
     ) -> Result<u64, RunError> {
-        let mut spent = 0;
         while entry < self.model.entry_count() {
             let changed = RunError::ProgramChanged { entry: entry as u32 };
             let now = self.model.entry(entry).ok_or(changed)?;
@@ -459,6 +491,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     pub fn position(&self) -> Option<usize> {
         match self.state {
             State::Idle => None,
+            State::Loading { .. } => Some(0),
             State::At { entry, .. } => Some(entry),
             State::Verifying { .. } | State::Done => Some(self.model.entry_count()),
         }

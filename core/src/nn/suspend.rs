@@ -19,11 +19,11 @@ use crate::words::Words;
 /// The position of a runner; the default is that of a new one.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Suspended {
-    /// [`Suspended::IDLE`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::VERIFYING`].
+    /// [`Suspended::IDLE`], [`Suspended::LOADING`], [`Suspended::AT_WORK`], [`Suspended::DONE`] or [`Suspended::VERIFYING`].
     pub phase: u32,
     /// [`Suspended::TRUSTING`] and [`Suspended::CHECKED`], or 0.
     pub protection: u32,
-    /// Current entry of the schedule, or the next chunk of the model to be compared; else 0. `step` and `unit` are 0 unless a tile is in
+    /// Current entry of the schedule, the next chunk of the model to be compared, or the next row to be loaded; else 0. `step` and `unit` are 0 unless a tile is in
     /// progress.
     pub entry: u32,
     /// Step of that entry.
@@ -49,6 +49,8 @@ impl Suspended {
     pub const DONE: u32 = 2;
     /// All operators of a tile are done; the model is being compared.
     pub const VERIFYING: u32 = 3;
+    /// The tile of the self test is being loaded. Three bits differ from the phases of a tile.
+    pub const LOADING: u32 = 12;
 
     /// Protection: memory is not looked at ([`Runner::protect`]).
     pub const TRUSTING: u32 = 1;
@@ -78,6 +80,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     pub fn suspend(&self) -> Suspended {
         let (phase, entry, step, unit) = match self.state {
             State::Idle => (Suspended::IDLE, 0, 0, 0),
+            State::Loading { row } => (Suspended::LOADING, row, 0, 0),
             State::At { entry, step, unit } => (Suspended::AT_WORK, entry, step, unit),
             State::Verifying { chunk } => (Suspended::VERIFYING, chunk as usize, 0, 0),
             State::Done => (Suspended::DONE, 0, 0, 0),
@@ -132,6 +135,9 @@ fn state(model: &Model<'_>, at: &Suspended) -> Option<State> {
         }
         Suspended::VERIFYING if step == 0 && unit == 0 => {
             (at.entry < model.raw().chunks()).then_some(State::Verifying { chunk: at.entry })
+        }
+        Suspended::LOADING if step == 0 && unit == 0 => {
+            (entry < model.tile().rows).then_some(State::Loading { row: entry })
         }
         phase if at.entry != 0 || at.step != 0 || at.unit != 0 || phase > Suspended::DONE => None,
         Suspended::DONE => Some(State::Done),

@@ -1,7 +1,9 @@
 /* ELunarDTM, the flight runner: one orbiter image and a coarse DTM in, a DTM at the image's resolution out.
  *
  *     eld_model_check -> eld_init -> eld_begin, or eld_begin_step ... -> eld_step ... -> eld_output
+ *     or in pieces: eld_model_check_step ... -> eld_init_checked -> eld_begin_step ... -> eld_step ...
  *                                    eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
+ *     eld_slots_init -> eld_slots_boot, _upload, _write, _start_trial, _confirm or _reject -> eld_slots_step ...
  *     eld_strip_plan -> eld_strip_init -> what eld_strip_step asks for: eld_strip_push, _push_posts, _take, _finish
  *
  * Made by cbindgen from onboard/capi/src (tests/header.rs); do not edit. C99 and C++17.
@@ -28,7 +30,7 @@
  * +-----+-------------+-----------------+---------------------------------+
  * | sev |  0 (unused) |      unit       |              code               |
  * +-----+-------------+-----------------+---------------------------------+
- * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip
+ * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip, 8 the slots
  */
 /** ELD_GOOD, ELD_NOTICE, ELD_REFUSED or ELD_FAULT. */
 #define ELD_SEVERITY(status) ((uint32_t)(status) >> 30)
@@ -59,6 +61,9 @@
 #define ELD_NOTICE_STRIP_DONE             UINT32_C(0x40070004) /**< all tiles of the strip are done; its last lines can be taken */
 #define ELD_NOTICE_STRIP_NO_LINE          UINT32_C(0x40070005) /**< no line of the strip is finished */
 
+#define ELD_NOTICE_SLOTS_TRIAL            UINT32_C(0x40080001) /**< the model on trial runs: run its self test, then confirm or reject it */
+#define ELD_NOTICE_SLOTS_SALVAGED         UINT32_C(0x40080002) /**< a model runs that was found without a record: run its self test, then confirm or reject it */
+
 #define ELD_REFUSED_NULL                  UINT32_C(0x80010001) /**< a pointer is NULL */
 #define ELD_REFUSED_ALIGNMENT             UINT32_C(0x80010002) /**< a pointer is not aligned as its type demands */
 #define ELD_REFUSED_LENGTH                UINT32_C(0x80010003) /**< a length reaches beyond the address space */
@@ -71,6 +76,7 @@
 #define ELD_REFUSED_NOT_BEGUN             UINT32_C(0x8001000b) /**< the tile is not begun yet: call eld_begin_step until it is */
 #define ELD_REFUSED_NO_ERRORS             UINT32_C(0x8001000a) /**< the model's maps are not weighed, so it expects no errors */
 #define ELD_REFUSED_OPTIONS               UINT32_C(0x8001000c) /**< an option of the terrain maps is out of range */
+#define ELD_REFUSED_NOT_CHECKED           UINT32_C(0x8001000e) /**< the check of the model is not finished: call eld_model_check_step until it is */
 #define ELD_REFUSED_UNFINISHED            UINT32_C(0x8001000d) /**< lines of the grid before are not out yet: call eld_terrain_finish */
 
 #define ELD_REFUSED_MEMORY_SHORT          UINT32_C(0x80020001) /**< the lent memory is shorter than eld_model_check says */
@@ -107,7 +113,24 @@
 #define ELD_REFUSED_STRIP_POSTS_FIRST     UINT32_C(0x80070006) /**< the line needs another row of posts first */
 #define ELD_REFUSED_STRIP_NO_POSTS        UINT32_C(0x80070007) /**< the strip's coarse heights come with its lines, not as posts */
 
+#define ELD_REFUSED_SLOTS_STORAGE         UINT32_C(0x80080001) /**< regions of the slots that cannot hold a record, or are not whole sectors */
+#define ELD_REFUSED_SLOTS_BUSY            UINT32_C(0x80080002) /**< other work on the slots is not finished: call eld_slots_step, or eld_slots_boot to give it up */
+#define ELD_REFUSED_SLOTS_IDLE            UINT32_C(0x80080003) /**< no work on the slots was begun */
+#define ELD_REFUSED_SLOTS_NOT_BOOTED      UINT32_C(0x80080004) /**< eld_slots_boot must be finished first */
+#define ELD_REFUSED_SLOTS_NOTHING_RUNS    UINT32_C(0x80080005) /**< no slot holds a model that runs; one can be uploaded */
+#define ELD_REFUSED_SLOTS_UNCONFIRMED     UINT32_C(0x80080006) /**< the model that runs, or one that is to be tried, must be confirmed or rejected first */
+#define ELD_REFUSED_SLOTS_CONFIRMED       UINT32_C(0x80080007) /**< a confirmed model is not rejected: put another one on trial */
+#define ELD_REFUSED_SLOTS_NO_UPLOAD       UINT32_C(0x80080008) /**< no upload was begun, or it was given up after an error */
+#define ELD_REFUSED_SLOTS_LENGTH          UINT32_C(0x80080009) /**< an upload that is longer than a slot or than announced, or of which bytes are missing */
+#define ELD_REFUSED_SLOTS_OFFSET          UINT32_C(0x8008000a) /**< a chunk that does not follow the one before */
+#define ELD_REFUSED_SLOTS_OTHER_MODEL     UINT32_C(0x8008000b) /**< another model than the one announced or running */
+#define ELD_REFUSED_SLOTS_BOOTS           UINT32_C(0x8008000c) /**< a trial of none or of more than 16 boots */
+
+#define ELD_FAULT_SLOTS_STORAGE           UINT32_C(0xc0080001) /**< the storage could not read, erase or write */
+#define ELD_FAULT_SLOTS_NOT_WRITTEN       UINT32_C(0xc0080002) /**< what was written to the storage is not there */
+
 #define ELD_FAULT_MODEL_CHANGED           UINT32_C(0xc0030001) /**< the model is not as it was when it was checked */
+#define ELD_FAULT_CHECK                   UINT32_C(0xc0030002) /**< the check of the model has changed in memory, or is that of another model: zero it and begin again */
 
 #define ELD_FAULT_VALIDITY                UINT32_C(0xc0040001) /**< the bits of valid or dark pixels have changed in memory; the tile is lost */
 #define ELD_FAULT_LIGHT                   UINT32_C(0xc0040002) /**< what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again */
@@ -304,11 +327,92 @@
 #define ELD_SOURCE_ASSUMED 3
 
 /**
+ * Bytes of memory for `eld_slots_init`.
+ */
+#define ELD_SLOTS_BYTES 1616
+
+/**
+ * Wanted: nothing, the work is done.
+ */
+#define ELD_SLOTS_NOTHING 0
+
+/**
+ * Wanted: `bytes` bytes of a region, from `offset_bytes` on, as `data` of the next call: a whole model, or else at most a header (128 bytes), a
+ * record (64 bytes) or the chunk that was written.
+ */
+#define ELD_SLOTS_READ 1
+
+/**
+ * Wanted: the bytes of the call before, once more.
+ */
+#define ELD_SLOTS_READ_AGAIN 2
+
+/**
+ * Wanted: that the sector that begins at `offset_bytes` be erased.
+ */
+#define ELD_SLOTS_ERASE 3
+
+/**
+ * Wanted: that `bytes` bytes at `data` be written from `offset_bytes` on.
+ */
+#define ELD_SLOTS_WRITE 4
+
+/**
+ * Region: slot A.
+ */
+#define ELD_REGION_SLOT_A 0
+
+/**
+ * Region: slot B.
+ */
+#define ELD_REGION_SLOT_B 1
+
+/**
+ * Region: the record.
+ */
+#define ELD_REGION_RECORD 2
+
+/**
+ * Region: its copy.
+ */
+#define ELD_REGION_RECORD_COPY 3
+
+/**
+ * Standing of the model that runs: `eld_slots_boot` is not finished.
+ */
+#define ELD_STANDING_UNKNOWN 0
+
+/**
+ * Standing of the model that runs: confirmed.
+ */
+#define ELD_STANDING_CONFIRMED 1
+
+/**
+ * Standing of the model that runs: on trial.
+ */
+#define ELD_STANDING_TRIAL 2
+
+/**
+ * Standing of the model that runs: found without a record.
+ */
+#define ELD_STANDING_SALVAGED 3
+
+/**
+ * No model runs.
+ */
+#define ELD_STANDING_NOTHING 4
+
+/**
  * A model's working memory and the state of its tile, at the start of the memory lent to `eld_init`. It must not be moved or read.
  * A copy of all lent memory that was made between two calls may be written back to the same place, for the same model.
  * It ends with that memory: there is no function to close it. One thread at a time may use it; different contexts are independent.
  */
 typedef struct eld_context_t eld_context_t;
+
+/**
+ * The work on model slots, at the start of the memory lent to `eld_slots_init`. The rules of `eld_context_t` hold.
+ */
+typedef struct eld_slots_t eld_slots_t;
 
 /**
  * A strip with its model's working memory, at the start of the memory lent to `eld_strip_init`. What holds for a context holds for it, too.
@@ -398,6 +502,17 @@ typedef struct {
      */
     float range_margin;
 } eld_model_info_t;
+
+/**
+ * The check of a model in pieces, which the caller keeps: zero before the first call of `eld_model_check_step`. It has a checksum and may be
+ * copied.
+ */
+typedef struct {
+    /**
+     * Known to the library.
+     */
+    uint64_t words[11];
+} eld_check_t;
 
 /**
  * Pixels as the camera has them, perhaps within a larger frame. Brightness is `gain * code + offset`, relative to any unit.
@@ -708,6 +823,132 @@ typedef struct {
 } eld_telemetry_t;
 
 /**
+ * The storage: two slots of equal length, and two regions for the record. Regions share no sector.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_slots_storage_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Bytes of a slot that are erased at once, at least 1. 1: memory without erasing.
+     */
+    uint32_t slot_sector_bytes;
+    /**
+     * Bytes of a region of the record, at least 64.
+     */
+    uint32_t record_bytes;
+    /**
+     * Bytes of it that are erased at once, at least 1.
+     */
+    uint32_t record_sector_bytes;
+    /**
+     * Bytes of a slot: the longest model that is ever to be loaded; whole sectors.
+     */
+    uint64_t slot_bytes;
+} eld_slots_storage_t;
+
+/**
+ * What the caller shall do before the next call of `eld_slots_step`.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_slots_want_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * One of `ELD_SLOTS_*`.
+     */
+    uint32_t what;
+    /**
+     * One of `ELD_REGION_*`.
+     */
+    uint32_t region;
+    /**
+     * 0.
+     */
+    uint32_t reserved;
+    /**
+     * First byte in the region.
+     */
+    uint64_t offset_bytes;
+    /**
+     * Number of bytes.
+     */
+    uint64_t bytes;
+    /**
+     * The bytes to be written; else NULL.
+     */
+    const void *data;
+} eld_slots_want_t;
+
+/**
+ * What is known of the slots.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_slots_state_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Standing of the model that runs: one of `ELD_STANDING_*`.
+     */
+    uint32_t standing;
+    /**
+     * Its slot: `ELD_REGION_SLOT_A` or `ELD_REGION_SLOT_B`.
+     */
+    uint32_t slot;
+    /**
+     * Its length, bytes.
+     */
+    uint32_t file_bytes;
+    /**
+     * Checksum of its header.
+     */
+    uint32_t header_crc;
+    /**
+     * Boots that a trial has left; 0 without one.
+     */
+    uint32_t boots_left;
+    /**
+     * Trials that ended without confirmation.
+     */
+    uint32_t rollbacks;
+    /**
+     * Copies of the record that are intact and equal, when it was used last: 2, unless the storage is worn or damaged.
+     */
+    uint32_t record_copies;
+    /**
+     * 1 while an upload is begun.
+     */
+    uint32_t uploading;
+    /**
+     * Latest fault; 0 if there was none.
+     */
+    eld_status_t last_fault;
+    /**
+     * Bytes of the upload that are written: the next chunk's offset.
+     */
+    uint64_t uploaded_bytes;
+    /**
+     * Calls since `eld_slots_init`.
+     */
+    uint64_t calls;
+    /**
+     * Calls that ended with a fault.
+     */
+    uint64_t faults;
+    /**
+     * Damaged copies of the state that were repaired.
+     */
+    uint64_t context_repairs;
+    /**
+     * After a boot, the finished check of the model that runs, for `eld_init_checked`; zero if another model was read since.
+     */
+    eld_check_t check;
+} eld_slots_state_t;
+
+/**
  * Settings of a strip, known before its first line.
  */
 typedef struct {
@@ -783,6 +1024,10 @@ typedef struct {
      * The light of the strip, as `eld_light_decide` gives it; NULL: decided from the stated angles of the Sun alone.
      */
     const eld_lighting_t *light;
+    /**
+     * The finished check of the model (`eld_model_check_step`); NULL: the model is validated at once.
+     */
+    const eld_check_t *check;
 } eld_strip_settings_t;
 
 /**
@@ -994,6 +1239,17 @@ eld_status_t eld_code_sum(const void *code,
 eld_status_t eld_model_check(const void *model, size_t model_bytes, eld_model_info_t *info);
 
 /**
+ * Validates as `eld_model_check` does, a piece of about `budget_macs` multiply-accumulates at a time. `*check` is zero at the first call.
+ * `ELD_RUNNING`: call again with the same arguments and an unchanged model. `ELD_OK`: `*info` is written, and `*check` serves `eld_init_checked`
+ * and strips as long as the model is unchanged. After every other status but a refused pointer, `*check` is zero.
+ */
+eld_status_t eld_model_check_step(const void *model,
+                                  size_t model_bytes,
+                                  uint64_t budget_macs,
+                                  eld_check_t *check,
+                                  eld_model_info_t *info);
+
+/**
  * Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`. Memory and model are lent as long as
  * the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL (nothing if `context` itself
  * lies in the memory or the model), and `memory` is unchanged.
@@ -1005,15 +1261,14 @@ eld_status_t eld_init(void *memory,
                       eld_context_t **context);
 
 /**
- * As `eld_init`, a piece of about `budget_macs` multiply-accumulates at a time. `*context` is NULL at the first call. `ELD_RUNNING`: call again
- * with the same arguments and unchanged memory and model; `*context` is no context yet. Every other status is that of `eld_init`.
+ * As `eld_init`, without a second validation: `check` is finished (`eld_model_check_step`).
  */
-eld_status_t eld_init_step(void *memory,
-                           size_t memory_bytes,
-                           const void *model,
-                           size_t model_bytes,
-                           uint64_t budget_macs,
-                           eld_context_t **context);
+eld_status_t eld_init_checked(void *memory,
+                              size_t memory_bytes,
+                              const void *model,
+                              size_t model_bytes,
+                              const eld_check_t *check,
+                              eld_context_t **context);
 
 /**
  * Begins a tile: validates, fills and normalises it, finds its light, and prepares for the first step. `tile->struct_bytes` must be set. The
@@ -1082,7 +1337,7 @@ eld_status_t eld_scrub(eld_context_t *context,
                        size_t max_bytes);
 
 /**
- * Begins the built-in tile. Call `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
+ * Begins the built-in tile, which the first steps load. Call `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
  */
 eld_status_t eld_self_test_begin(eld_context_t *context);
 
@@ -1119,8 +1374,76 @@ eld_status_t eld_light_decide(eld_context_t *context,
 eld_status_t eld_light_clear(eld_context_t *context);
 
 /**
- * Validates a model and the settings of a strip, and writes the number of bytes of memory for `eld_strip_init`, which needs alignment as
- * `eld_init`. `settings->struct_bytes` must be set.
+ * Makes the work on slots at the start of `memory` of `ELD_SLOTS_BYTES`, which is lent as long as it is used. Reads nothing of the storage. Writes
+ * it to `*slots`, NULL if refused. `eld_slots_boot` follows.
+ */
+eld_status_t eld_slots_init(void *memory,
+                            size_t memory_bytes,
+                            const eld_slots_storage_t *storage,
+                            eld_slots_t **slots);
+
+/**
+ * Begins to find out which model to run: after every reset, and at any time to give up what is at work. Call `eld_slots_step` while it returns
+ * `ELD_RUNNING`; then `ELD_OK`: the confirmed model runs; `ELD_NOTICE_SLOTS_TRIAL`, `ELD_NOTICE_SLOTS_SALVAGED`: run its self test, then call
+ * `eld_slots_confirm` or `eld_slots_reject`. An upload must be begun again.
+ */
+eld_status_t eld_slots_boot(eld_slots_t *slots);
+
+/**
+ * Does a piece of the work of about `budget_macs` multiply-accumulates, and says in `*want` what the caller shall do before the next call:
+ * nothing of the storage is touched here. `data` has the bytes that were wanted, else NULL and 0. `storage_error` is 0, or the driver's number if
+ * it could not read, erase or write. `ELD_RUNNING`: do it and call again. `want->struct_bytes` must be set.
+ */
+eld_status_t eld_slots_step(eld_slots_t *slots,
+                            const void *data,
+                            size_t data_bytes,
+                            uint32_t storage_error,
+                            uint64_t budget_macs,
+                            eld_slots_want_t *want);
+
+/**
+ * Begins to record the model that runs as confirmed. `context` is one of that model whose self test is finished: it is compared here
+ * (`eld_self_test_check`). `ELD_RUNNING`: call `eld_slots_step`.
+ */
+eld_status_t eld_slots_confirm(eld_slots_t *slots,
+                               eld_context_t *context);
+
+/**
+ * Begins to end the trial of the model that runs, after its self test has failed, and to find out which model to run instead; the end is that of
+ * `eld_slots_boot`. While the confirmed model runs, a trial that has not begun is withdrawn.
+ */
+eld_status_t eld_slots_reject(eld_slots_t *slots);
+
+/**
+ * Begins the upload of a model into the free slot, or goes on with it after a reset: length of the file and the last word of its header, as a
+ * number. At the end `uploaded_bytes` of `eld_slots_state` says which chunk comes next.
+ */
+eld_status_t eld_slots_upload(eld_slots_t *slots,
+                              uint32_t file_bytes,
+                              uint32_t header_crc);
+
+/**
+ * Begins to write the next chunk of the file. The bytes stay where they are, unchanged, until `eld_slots_step` does not return `ELD_RUNNING`.
+ */
+eld_status_t eld_slots_write(eld_slots_t *slots,
+                             uint64_t offset_bytes,
+                             const void *chunk,
+                             size_t chunk_bytes);
+
+/**
+ * Begins to validate the upload and to put it on trial: the next 1 to 16 `boots` run it, unless it is confirmed or rejected before.
+ */
+eld_status_t eld_slots_start_trial(eld_slots_t *slots,
+                                   uint32_t boots);
+
+/**
+ * Copies what is known of the slots. `out->struct_bytes` must be set.
+ */
+eld_status_t eld_slots_state(eld_slots_t *slots, eld_slots_state_t *out);
+
+/**
+ * Validates a model, unless the settings have its check, and the settings of a strip; writes the number of bytes of memory for
+ * `eld_strip_init`, which needs alignment as `eld_init`. `settings->struct_bytes` must be set.
  */
 eld_status_t eld_strip_plan(const void *model,
                             size_t model_bytes,

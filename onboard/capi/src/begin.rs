@@ -1,16 +1,14 @@
 //! Begins a tile, a bounded piece of work at a time. Every argument is validated before anything changes.
 
 use crate::context::{Context, Lent, Outcome};
-use crate::info;
-use crate::layout::Layout;
 use crate::record::{ContextRecord, DROPPED, EMPTY, PREPARING, SELF_TEST, TILE};
 use crate::run::{job_status, keep_errors, run_status, runner, tile_job};
-use crate::sealed::{self, Beginning, Head, write_job};
+use crate::sealed::write_job;
 use crate::status::*;
 use crate::tile::CallerTile;
 use crate::types::eld_status_t;
-use elunar_core::nn::file::{crc32c, u32_at, word};
-use elunar_core::nn::{KnownSun, LightSource, Model, Validation};
+use elunar_core::nn::file::crc32c;
+use elunar_core::nn::{KnownSun, LightSource, Model};
 use elunar_core::{Made, Progress, TileJob};
 
 /// Returns the known angles of the Sun from those of a tile, degrees; NaN stands for unknown.
@@ -23,33 +21,6 @@ pub(crate) fn stated_sun(azimuth_deg: f32, elevation_deg: f32) -> Result<KnownSu
     let legal = azimuth_deg.is_none_or(|deg| (-360.0..=360.0).contains(&deg))
         && elevation_deg.is_none_or(|deg| deg > 0.0 && deg < 90.0);
     if legal { Ok(KnownSun { azimuth_deg, elevation_deg }) } else { Err(ELD_REFUSED_TILE_SUN) }
-}
-
-/// Goes on with an initialisation whose position is at the place of the context; `None` until the model is validated.
-pub(crate) fn init_step<'m>(
-    head: &mut Head,
-    places: [usize; 4],
-    model: &'m [u8],
-    goes_on: bool,
-    budget_macs: u64,
-) -> Result<Option<(Model<'m>, Layout)>, eld_status_t> {
-    let mut words: Beginning = [0; size_of::<Beginning>() / size_of::<u64>()];
-    words.iter_mut().zip(places).for_each(|(word, place)| *word = place as u64);
-    words[4] = u64::from(u32_at(model, 4 * word::HEADER_CRC));
-    let mut validation = Validation::default();
-    if goes_on {
-        let found = sealed::read_init(head).filter(|found| found[..5] == words[..5]).ok_or(ELD_FAULT_CONTEXT_LOST)?;
-        let position = found.last_chunk().and_then(|position| Validation::from_words(*position));
-        validation = position.ok_or(ELD_FAULT_CONTEXT_LOST)?;
-    }
-    let validated = info::go_on(&mut validation, model, budget_macs)?;
-    if validated.is_none() {
-        if let Some(position) = words.last_chunk_mut() {
-            *position = validation.to_words();
-        }
-        sealed::write_init(head, &words);
-    }
-    Ok(validated)
 }
 
 /// Returns the job of a tile that is prepared or surveyed: a new one, or, if it may `go_on` and is the same tile, the one in progress. The arena is
@@ -142,12 +113,12 @@ pub(crate) fn abort(context: &mut Context<'_>) -> Outcome {
     Ok(if dropped { ELD_NOTICE_DROPPED } else { ELD_OK })
 }
 
-/// Begins the tile of the self test.
+/// Begins the tile of the self test; steps load it.
 pub(crate) fn begin_self_test(context: &mut Context<'_>, model: Model<'_>, lent: Lent<'_>) -> Outcome {
     let dropped = context.at_work();
     context.start();
     let mut runner = runner(&context.record, model, lent.arena)?;
-    let begun = runner.begin_self_test().map_err(run_status);
+    let begun = runner.begin_self_test_in_steps().map_err(run_status);
     let record = &mut context.record;
     begun.map_err(|status| lost(record, status))?;
     record.suspended = runner.suspend();

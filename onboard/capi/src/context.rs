@@ -96,7 +96,7 @@ impl<'h> Context<'h> {
         match self.record.tile {
             PREPARING | SURVEY => true,
             TILE => self.record.made == 0,
-            tile => tile != EMPTY && (phase == Suspended::AT_WORK || phase == Suspended::VERIFYING),
+            tile => tile != EMPTY && [Suspended::LOADING, Suspended::AT_WORK, Suspended::VERIFYING].contains(&phase),
         }
     }
 

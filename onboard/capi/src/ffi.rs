@@ -14,6 +14,7 @@
 
 mod light;
 mod pointers;
+pub mod slots;
 pub mod strip;
 mod terrain;
 mod tile;
@@ -22,6 +23,7 @@ pub use light::{eld_light_add, eld_light_clear, eld_light_decide};
 pub use terrain::{eld_terrain_finish, eld_terrain_init, eld_terrain_plan, eld_terrain_push};
 
 use crate::begin;
+use crate::check::{self, CHECK_BYTES};
 use crate::context::{Context, Lent, Outcome};
 use crate::info;
 use crate::layout::{ALIGN_BYTES, Layout};
@@ -187,6 +189,51 @@ pub unsafe extern "C" fn eld_model_check(
     status_of(check())
 }
 
+/// Validates as `eld_model_check` does, a piece of about `budget_macs` multiply-accumulates at a time. `*check` is zero at the first call.
+/// `ELD_RUNNING`: call again with the same arguments and an unchanged model. `ELD_OK`: `*info` is written, and `*check` serves `eld_init_checked`
+/// and strips as long as the model is unchanged. After every other status but a refused pointer, `*check` is zero.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn eld_model_check_step(
+    model: *const c_void,
+    model_bytes: usize,
+    budget_macs: u64,
+    check: *mut eld_check_t,
+    info: *mut eld_model_info_t,
+) -> eld_status_t {
+    let step = || {
+        let (source, kept, told) = (bytes_of(model, model_bytes)?, span(check, 1)?, span(info, 1)?);
+        for (a, b) in [(&source, &kept), (&source, &told), (&kept, &told)] {
+            apart(a, b)?;
+        }
+        // SAFETY: the caller's promise; nothing overlaps.
+        let (asked, bytes, block) = unsafe {
+            let bytes = slice(model.cast::<u8>(), model_bytes)?;
+            (structure(info)?, bytes, slice_mut(check.cast::<u8>(), CHECK_BYTES)?)
+        };
+        let Some((model, layout)) = check::go_on(block, bytes, budget_macs)? else { return Ok(ELD_RUNNING) };
+        // SAFETY: validated by `structure`.
+        unsafe { info.write(info::info(&model, &layout, asked.struct_bytes)) };
+        Ok(ELD_OK)
+    };
+    status_of(step())
+}
+
+/// Opens a model: with a finished check, or validates all of it if there is none.
+///
+/// # Safety
+/// The caller's promise holds for both.
+unsafe fn opened<'m>(
+    (model, model_bytes): (*const c_void, usize),
+    check: Option<*const eld_check_t>,
+) -> Result<(Model<'m>, Layout), eld_status_t> {
+    // SAFETY: the caller's promise.
+    let file = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
+    let Some(check) = check else { return info::open(file) };
+    span(check, 1)?;
+    // SAFETY: the caller's promise; any bytes are legal.
+    check::finished(unsafe { slice(check.cast::<u8>(), CHECK_BYTES) }?, file)
+}
+
 /// Validates a model as `eld_model_check` does and makes a context for it at the start of `memory`. Memory and model are lent as long as
 /// the context is used; the model is read in place. Writes the context to `*context`. If refused, writes NULL (nothing if `context` itself
 /// lies in the memory or the model), and `memory` is unchanged.
@@ -202,71 +249,49 @@ pub unsafe extern "C" fn eld_init(
     status_of(unsafe { init((memory, memory_bytes), (model, model_bytes), None, context) })
 }
 
-/// As `eld_init`, a piece of about `budget_macs` multiply-accumulates at a time. `*context` is NULL at the first call. `ELD_RUNNING`: call again
-/// with the same arguments and unchanged memory and model; `*context` is no context yet. Every other status is that of `eld_init`.
+/// As `eld_init`, without a second validation: `check` is finished (`eld_model_check_step`).
 #[unsafe(no_mangle)]
-pub unsafe extern "C" fn eld_init_step(
+pub unsafe extern "C" fn eld_init_checked(
     memory: *mut c_void,
     memory_bytes: usize,
     model: *const c_void,
     model_bytes: usize,
-    budget_macs: u64,
+    check: *const eld_check_t,
     context: *mut *mut eld_context_t,
 ) -> eld_status_t {
     // SAFETY: the caller's promise.
-    status_of(unsafe { init((memory, memory_bytes), (model, model_bytes), Some(budget_macs), context) })
+    status_of(unsafe { init((memory, memory_bytes), (model, model_bytes), Some(check), context) })
 }
 
-/// Makes a context, at once or with a budget.
+/// Makes a context.
 ///
 /// # Safety
 /// The caller's promise holds for all pointers.
 unsafe fn init(
     (memory, memory_bytes): (*mut c_void, usize),
     (model, model_bytes): (*const c_void, usize),
-    budget_macs: Option<u64>,
+    check: Option<*const eld_check_t>,
     context: *mut *mut eld_context_t,
 ) -> Outcome {
-    // Not even NULL is written into the memory or the model, whether or not these are refused.
+    // Not even NULL is written into the memory, the model or its check, whether or not these are refused.
     let result = span(context, 1)?;
-    for (pointer, len) in [(memory.cast_const(), memory_bytes), (model, model_bytes)] {
+    let kept = (check.unwrap_or(core::ptr::null()).cast::<c_void>(), CHECK_BYTES);
+    for (pointer, len) in [(memory.cast_const(), memory_bytes), (model, model_bytes), kept] {
         let wraps = |overlap| bytes_of(pointer, len).err().unwrap_or(overlap);
         apart(&reach(pointer, len), &result).map_err(wraps)?;
     }
-    // SAFETY: not NULL and aligned; the caller promises that it is writable, and readable for `eld_init_step`.
-    let token = if budget_macs.is_some() { unsafe { context.read() } } else { core::ptr::null_mut() };
-    // SAFETY: as above.
+    // SAFETY: not NULL and aligned; the caller promises that it is writable.
     unsafe { context.write(core::ptr::null_mut()) };
     let (home, source) = (bytes_of(memory, memory_bytes)?, bytes_of(model, model_bytes)?);
     apart(&home, &source)?;
+    if let Some(check) = check {
+        apart(&home, &span(check, 1)?)?;
+    }
     if !home.start.is_multiple_of(ALIGN_BYTES) {
         return Err(ELD_REFUSED_MEMORY_ALIGNMENT);
     }
     // SAFETY: the caller's promise.
-    let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
-    let (validated, layout) = match budget_macs {
-        None => info::open(bytes)?,
-        Some(_) if memory_bytes < HEAD_BYTES => return Err(ELD_REFUSED_MEMORY_SHORT),
-        Some(budget_macs) => {
-            let goes_on = core::ptr::eq(token.cast::<c_void>(), memory);
-            // SAFETY: as long as a head; `Head` is an array of bytes; the caller promises that the memory is not shared.
-            let head = unsafe { &mut *memory.cast::<Head>() };
-            match begin::init_step(
-                head,
-                [home.start, memory_bytes, source.start, model_bytes],
-                bytes,
-                goes_on,
-                budget_macs,
-            )? {
-                Some(found) => found,
-                None => {
-                    // SAFETY: as above.
-                    unsafe { context.write(memory.cast()) };
-                    return Ok(ELD_RUNNING);
-                }
-            }
-        }
-    };
+    let (validated, layout) = unsafe { opened((model, model_bytes), check) }?;
     if memory_bytes < layout.bytes() {
         return Err(ELD_REFUSED_MEMORY_SHORT);
     }
@@ -435,7 +460,7 @@ pub unsafe extern "C" fn eld_scrub(context: *mut eld_context_t, max_bytes: usize
     unsafe { with_model(context, |context, model, lent| run::scrub(context, model, lent, max_bytes)) }
 }
 
-/// Begins the built-in tile. Call `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
+/// Begins the built-in tile, which the first steps load. Call `eld_step` until done, then `eld_self_test_check`. A tile in progress is dropped, with a notice.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_self_test_begin(context: *mut eld_context_t) -> eld_status_t {
     // SAFETY: the caller's promise.

@@ -68,7 +68,7 @@ pub(crate) fn info(model: &Model<'_>, layout: &Layout, struct_bytes: u32) -> eld
     }
 }
 
-fn model_status(error: ModelError, bytes: &[u8]) -> eld_status_t {
+pub(crate) fn model_status(error: ModelError, bytes: &[u8]) -> eld_status_t {
     match error {
         ModelError::Magic => ELD_REFUSED_MODEL_MAGIC,
         ModelError::Version { .. } if u32_at(bytes, 4 * word::VERSION).swap_bytes() == VERSION => {

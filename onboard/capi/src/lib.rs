@@ -13,12 +13,14 @@
 //! 1. [`ffi`] validates pointers and lengths and turns them into slices. It has the only functions for C, and the only `unsafe`.
 //! 2. `sealed` reads the context: plain numbers (`record`), kept twice, each copy under a checksum.
 //! 3. `layout` gives the places of the parts in the lent memory.
-//! 4. `begin` and `run` rebuild a runner for the duration of the call and suspend it again; `light` adds up what tiles show of their light.
+//! 4. `check` validates a model in pieces. `begin` and `run` rebuild a runner for the duration of the call and suspend it again; `light` adds up what tiles show of their light.
 //! 5. `terrain` keeps the lines of a grid for its terrain maps, without a model.
-//! 6. [`status`] defines the status word of the call.
+//! 6. [`slots`] keeps the core's work on model slots.
+//! 7. [`status`] defines the status word of the call.
 #![no_std]
 
 mod begin;
+mod check;
 mod context;
 pub mod ffi;
 mod info;
@@ -27,6 +29,7 @@ mod light;
 mod record;
 mod run;
 mod sealed;
+pub mod slots;
 pub mod status;
 pub mod strip;
 mod terrain;

@@ -168,7 +168,7 @@ pub(crate) fn telemetry(record: &ContextRecord, struct_bytes: u32) -> eld_teleme
     eld_telemetry_t {
         struct_bytes,
         phase,
-        entry: at.entry,
+        entry: if at.phase == Suspended::LOADING { 0 } else { at.entry },
         valid_px: record.valid_px,
         last_fault: record.last_fault,
         header_crc: record.verdict.header_crc,

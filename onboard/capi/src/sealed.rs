@@ -10,7 +10,6 @@
 use crate::record::{ContextRecord, WORDS};
 use elunar_core::TileJob;
 use elunar_core::job::LightSurvey;
-use elunar_core::nn::Validation;
 use elunar_core::nn::file::crc32c;
 
 /// "ELDCTX" and the version of the record.
@@ -63,7 +62,8 @@ fn parts(copy: &[u8]) -> Option<(&[u8], u64)> {
     Some((body, u64::from_le_bytes(*seal)))
 }
 
-fn encode(copy: &mut [u8], magic: u64, words: &[u64]) {
+/// Writes a copy.
+pub(crate) fn encode(copy: &mut [u8], magic: u64, words: &[u64]) {
     for (slot, word) in copy.as_chunks_mut::<8>().0.iter_mut().zip([magic].iter().chain(words)) {
         *slot = word.to_le_bytes();
     }
@@ -74,7 +74,7 @@ fn encode(copy: &mut [u8], magic: u64, words: &[u64]) {
 }
 
 /// Reads a copy; returns whether it is whole. Otherwise the words are not changed.
-fn decode(copy: &[u8], magic: u64, words: &mut [u64]) -> bool {
+pub(crate) fn decode(copy: &[u8], magic: u64, words: &mut [u64]) -> bool {
     let Some((body, seal)) = parts(copy) else { return false };
     let Some((first, rest)) = body.as_chunks::<8>().0.split_first() else { return false };
     let whole = u64::from_le_bytes(*first) == magic && seal == sealed(crc32c(body));
@@ -140,23 +140,6 @@ pub(crate) fn read_survey(block: &[u8]) -> Option<(LightSurvey, bool)> {
     let mut words = [0; LightSurvey::WORDS];
     let damaged = read_words(block, LIGHT, &mut words)?;
     Some((LightSurvey::from_words(words)?, damaged))
-}
-
-/// Words of an initialisation in progress: addresses and lengths of memory and model, the header's checksum, and the validation's words.
-pub(crate) type Beginning = [u64; 5 + Validation::WORDS];
-
-/// "ELDINI" and its version.
-const INIT: u64 = u64::from_le_bytes(*b"ELDINI\x00\x01");
-
-/// Writes both copies of an initialisation at the place of the context.
-pub(crate) fn write_init(head: &mut Head, words: &Beginning) {
-    write_words(head, INIT, words);
-}
-
-/// Reads an initialisation; `None` if there is none, or both copies are damaged.
-pub(crate) fn read_init(head: &Head) -> Option<Beginning> {
-    let mut words = [0; 5 + Validation::WORDS];
-    read_words(head, INIT, &mut words).map(|_| words)
 }
 
 #[cfg(test)]

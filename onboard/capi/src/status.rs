@@ -9,7 +9,7 @@
 //!       1 notice    done, and there is something to know
 //!       2 refused   not done, and nothing has changed
 //!       3 fault     memory has changed or a result is wrong: what the context or the model holds cannot be trusted
-//! unit  what it is about: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip
+//! unit  what it is about: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip, 8 the slots
 //! ```
 //! (Severity, unit and code in one word follow cFE.) Values never change their meaning.
 
@@ -33,6 +33,7 @@ const TILE: u32 = 4;
 const RUN: u32 = 5;
 const CONTEXT: u32 = 6;
 const STRIP: u32 = 7;
+const SLOTS: u32 = 8;
 
 /// Returns the word of a severity, a unit and a code.
 const fn word(severity: u32, unit: u32, code: u32) -> eld_status_t {
@@ -96,6 +97,9 @@ statuses! {
     ELD_NOTICE_STRIP_DONE = NOTICE, STRIP, 4, "all tiles of the strip are done; its last lines can be taken";
     ELD_NOTICE_STRIP_NO_LINE = NOTICE, STRIP, 5, "no line of the strip is finished";
 
+    ELD_NOTICE_SLOTS_TRIAL = NOTICE, SLOTS, 1, "the model on trial runs: run its self test, then confirm or reject it";
+    ELD_NOTICE_SLOTS_SALVAGED = NOTICE, SLOTS, 2, "a model runs that was found without a record: run its self test, then confirm or reject it";
+
     ELD_REFUSED_NULL = REFUSED, CALL, 1, "a pointer is NULL";
     ELD_REFUSED_ALIGNMENT = REFUSED, CALL, 2, "a pointer is not aligned as its type demands";
     ELD_REFUSED_LENGTH = REFUSED, CALL, 3, "a length reaches beyond the address space";
@@ -109,6 +113,7 @@ statuses! {
     ELD_REFUSED_NO_ERRORS = REFUSED, CALL, 10, "the model's maps are not weighed, so it expects no errors";
 
     ELD_REFUSED_OPTIONS = REFUSED, CALL, 12, "an option of the terrain maps is out of range";
+    ELD_REFUSED_NOT_CHECKED = REFUSED, CALL, 14, "the check of the model is not finished: call eld_model_check_step until it is";
     ELD_REFUSED_UNFINISHED = REFUSED, CALL, 13, "lines of the grid before are not out yet: call eld_terrain_finish";
 
     ELD_REFUSED_MEMORY_SHORT = REFUSED, MEMORY, 1, "the lent memory is shorter than eld_model_check says";
@@ -145,7 +150,23 @@ statuses! {
     ELD_REFUSED_STRIP_POSTS_FIRST = REFUSED, STRIP, 6, "the line needs another row of posts first";
     ELD_REFUSED_STRIP_NO_POSTS = REFUSED, STRIP, 7, "the strip's coarse heights come with its lines, not as posts";
 
+    ELD_REFUSED_SLOTS_STORAGE = REFUSED, SLOTS, 1, "regions of the slots that cannot hold a record, or are not whole sectors";
+    ELD_REFUSED_SLOTS_BUSY = REFUSED, SLOTS, 2, "other work on the slots is not finished: call eld_slots_step, or eld_slots_boot to give it up";
+    ELD_REFUSED_SLOTS_IDLE = REFUSED, SLOTS, 3, "no work on the slots was begun";
+    ELD_REFUSED_SLOTS_NOT_BOOTED = REFUSED, SLOTS, 4, "eld_slots_boot must be finished first";
+    ELD_REFUSED_SLOTS_NOTHING_RUNS = REFUSED, SLOTS, 5, "no slot holds a model that runs; one can be uploaded";
+    ELD_REFUSED_SLOTS_UNCONFIRMED = REFUSED, SLOTS, 6, "the model that runs, or one that is to be tried, must be confirmed or rejected first";
+    ELD_REFUSED_SLOTS_CONFIRMED = REFUSED, SLOTS, 7, "a confirmed model is not rejected: put another one on trial";
+    ELD_REFUSED_SLOTS_NO_UPLOAD = REFUSED, SLOTS, 8, "no upload was begun, or it was given up after an error";
+    ELD_REFUSED_SLOTS_LENGTH = REFUSED, SLOTS, 9, "an upload that is longer than a slot or than announced, or of which bytes are missing";
+    ELD_REFUSED_SLOTS_OFFSET = REFUSED, SLOTS, 10, "a chunk that does not follow the one before";
+    ELD_REFUSED_SLOTS_OTHER_MODEL = REFUSED, SLOTS, 11, "another model than the one announced or running";
+    ELD_REFUSED_SLOTS_BOOTS = REFUSED, SLOTS, 12, "a trial of none or of more than 16 boots";
+
+    ELD_FAULT_SLOTS_STORAGE = FAULT, SLOTS, 1, "the storage could not read, erase or write";
+    ELD_FAULT_SLOTS_NOT_WRITTEN = FAULT, SLOTS, 2, "what was written to the storage is not there";
     ELD_FAULT_MODEL_CHANGED = FAULT, MODEL, 1, "the model is not as it was when it was checked";
+    ELD_FAULT_CHECK = FAULT, MODEL, 2, "the check of the model has changed in memory, or is that of another model: zero it and begin again";
     ELD_FAULT_VALIDITY = FAULT, TILE, 1, "the bits of valid or dark pixels have changed in memory; the tile is lost";
     ELD_FAULT_LIGHT = FAULT, TILE, 2, "what was added of the scene's light has changed in memory, in both copies; it is forgotten: add it again";
     ELD_FAULT_LINES = FAULT, TILE, 3, "a line that is kept for the terrain maps has changed in memory; the grid is lost: begin it again";

@@ -175,6 +175,15 @@ pub struct eld_model_info_t {
     pub range_margin: f32,
 }
 
+/// The check of a model in pieces, which the caller keeps: zero before the first call of `eld_model_check_step`. It has a checksum and may be
+/// copied.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub struct eld_check_t {
+    /// Known to the library.
+    pub words: [u64; 11],
+}
+
 /// Pixels as the camera has them, perhaps within a larger frame. Brightness is `gain * code + offset`, relative to any unit.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq)]

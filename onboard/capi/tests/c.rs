@@ -169,6 +169,17 @@ fn a_c_program_finds_hazards() {
 }
 
 #[test]
+fn a_model_is_updated_from_c() {
+    let (folder, models) = (folder("slots"), repository().join("tests/golden/provoked"));
+    for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
+        let program = build(&[source("slots.c")], language, &folder);
+        let said = run(Command::new(&program).arg(models.join("mixed.eld")).arg(models.join("int8.eld")));
+        println!("{language}: {}", said.trim());
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+#[test]
 fn what_c_gets_wrong_has_a_status() {
     let folder = folder("misuse");
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {

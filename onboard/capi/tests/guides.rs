@@ -83,11 +83,46 @@ fn the_service_mends_what_can_be_mended() {
 #[test]
 fn tasks_compile_against_stubs() {
     let folder = folder("tasks");
-    for task in ["freertos_task.c", "rtems_task.c"] {
+    for task in ["freertos_task.c", "rtems_task.c", "zephyr_thread.c"] {
         if exists("c99") {
             let stubs = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/c/stubs");
             run(compiler("c99").arg("-I").arg(stubs).arg("-c").arg(example(task)).arg("-o").arg(folder.join("task.o")));
         }
+    }
+    std::fs::remove_dir_all(&folder).unwrap();
+}
+
+/// Zephyr's module names files that exist, and CMake, if it is here, finds nothing wrong with them; `west` and Zephyr itself are in no test.
+#[test]
+fn the_module_of_zephyr_is_whole() {
+    let module = Path::new(env!("CARGO_MANIFEST_DIR")).join("../zephyr");
+    let read = |name: &str| std::fs::read_to_string(module.join(name)).unwrap();
+    let (yaml, cmake, kconfig) = (read("zephyr/module.yml"), read("CMakeLists.txt"), read("Kconfig"));
+    assert!(yaml.contains("\n  cmake: .\n  kconfig: Kconfig\n"), "{yaml}");
+    let words = |text: &str| -> Vec<String> {
+        let split = text.split(|c: char| !(c.is_ascii_alphanumeric() || "_/.{}$".contains(c)));
+        split.map(|word| word.trim_matches(|c: char| "${}".contains(c)).to_string()).collect()
+    };
+    for word in words(&cmake) {
+        if let Some(path) = word.strip_prefix("elunar_onboard}/") {
+            assert!(module.join("..").join(path).exists(), "{path}");
+        }
+        if let Some(option) = word.strip_prefix("CONFIG_") {
+            assert!(kconfig.contains(&format!("config {option}\n")), "{option}");
+        }
+    }
+    let folder = folder("zephyr");
+    let stub = format!(
+        "cmake_minimum_required(VERSION 3.20)\nproject(stub NONE)\nset(CONFIG_ELUNAR y)\nset(CONFIG_ELUNAR_THREAD y)\n\
+         set(CONFIG_ELUNAR_RUST_TARGET thumbv7em-none-eabihf)\nfunction(zephyr_include_directories)\nendfunction()\n\
+         function(zephyr_link_libraries)\nendfunction()\nfunction(zephyr_library_named)\nendfunction()\n\
+         function(zephyr_library_sources)\nendfunction()\nadd_subdirectory({} elunar)\n",
+        module.display()
+    );
+    std::fs::write(folder.join("CMakeLists.txt"), stub).unwrap();
+    match Command::new("cmake").arg("-S").arg(&folder).arg("-B").arg(folder.join("build")).output() {
+        Ok(out) => assert!(out.status.success(), "{}", String::from_utf8_lossy(&out.stderr)),
+        Err(error) => common::absent(&format!("the module of Zephyr: cmake: {error}")),
     }
     std::fs::remove_dir_all(&folder).unwrap();
 }

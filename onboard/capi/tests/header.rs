@@ -11,7 +11,9 @@ const PREAMBLE: &str = "\
 /* ELunarDTM, the flight runner: one orbiter image and a coarse DTM in, a DTM at the image's resolution out.
  *
  *     eld_model_check -> eld_init -> eld_begin, or eld_begin_step ... -> eld_step ... -> eld_output
+ *     or in pieces: eld_model_check_step ... -> eld_init_checked -> eld_begin_step ... -> eld_step ...
  *                                    eld_scrub between steps, eld_self_test_* now and then, eld_telemetry always
+ *     eld_slots_init -> eld_slots_boot, _upload, _write, _start_trial, _confirm or _reject -> eld_slots_step ...
  *     eld_strip_plan -> eld_strip_init -> what eld_strip_step asks for: eld_strip_push, _push_posts, _take, _finish
  *
  * Made by cbindgen from onboard/capi/src (tests/header.rs); do not edit. C99 and C++17.
@@ -36,7 +38,7 @@ fn statuses() -> String {
  * +-----+-------------+-----------------+---------------------------------+
  * | sev |  0 (unused) |      unit       |              code               |
  * +-----+-------------+-----------------+---------------------------------+
- * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip
+ * unit: 1 the call, 2 the lent memory, 3 the model, 4 the tile, 5 the run, 6 the context, 7 the strip, 8 the slots
  */
 /** ELD_GOOD, ELD_NOTICE, ELD_REFUSED or ELD_FAULT. */
 #define ELD_SEVERITY(status) ((uint32_t)(status) >> 30)
@@ -72,7 +74,7 @@ fn statuses() -> String {
 /// Returns the sources of the functions, in the order of the header.
 fn functions() -> impl Iterator<Item = PathBuf> {
     let source = |name: &str| Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name);
-    ["ffi.rs", "ffi/light.rs", "ffi/strip.rs", "ffi/terrain.rs"].map(source).into_iter()
+    ["ffi.rs", "ffi/light.rs", "ffi/slots.rs", "ffi/strip.rs", "ffi/terrain.rs"].map(source).into_iter()
 }
 
 fn generated() -> String {
@@ -91,7 +93,8 @@ fn generated() -> String {
         line_length: 120,
         ..Config::default()
     };
-    let types = ["types.rs", "strip/types.rs"].map(|name| Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name));
+    let types = ["types.rs", "slots/types.rs", "strip/types.rs"]
+        .map(|name| Path::new(env!("CARGO_MANIFEST_DIR")).join("src").join(name));
     let sources = types.into_iter().chain(functions());
     let builder = sources.fold(Builder::new().with_config(config), |builder, source| builder.with_src(source));
     let mut bytes = Vec::new();
@@ -123,7 +126,7 @@ fn the_header_has_every_function_and_status() {
         .filter_map(|line| line.split_once("extern \"C\" fn ")?.1.split_once('('))
         .map(|(name, _)| name)
         .collect();
-    assert_eq!(functions.len(), 36, "{functions:?}");
+    assert_eq!(functions.len(), 46, "{functions:?}");
     for name in functions.iter().copied().chain(STATUSES.iter().map(|known| known.name)) {
         assert!(header.contains(name), "{name}");
     }

@@ -18,6 +18,8 @@ type Case = (eld_status_t, &'static str, fn() -> eld_status_t);
 
 /// The tests of strips, which reach the statuses of strips.
 const STRIPS: &str = include_str!("strips.rs");
+/// The same of slots.
+const SLOTS: &str = include_str!("slots.rs");
 
 /// Statuses that no test on this machine can reach, with the reason.
 const OUT_OF_REACH: [(eld_status_t, &str); 1] = [(ELD_REFUSED_MODEL_SIZE, "needs a machine of 32 bits")];
@@ -456,6 +458,9 @@ const CASES: &[Case] = &[
         assert_eq!(context.step(1), ELD_REFUSED_NO_TILE, "the tile is lost");
         status
     }),
+    (ELD_FAULT_CHECK, "a check that has changed", || check_step(1, |check| check.words[3] ^= 1)),
+    (ELD_REFUSED_NOT_CHECKED, "a context with half a check", || init_checked(1)),
+    (ELD_OK, "a context with a whole check", || init_checked(u64::MAX)),
     (ELD_FAULT_VALIDITY, "a validity bit flips", || {
         let mut context = finished();
         let at = context.parts().valid.start;
@@ -534,8 +539,9 @@ fn every_status_is_reached() {
         match (reached.get(&known.status), out_of_reach) {
             (None, Some((_, why))) => println!("{}: not reached, {why}", known.name),
             (Some(_), None) => {}
-            // Strips have a file of their own.
+            // Strips and slots have files of their own.
             (None, None) if known.name.contains("_STRIP_") => assert!(STRIPS.contains(known.name), "{}", known.name),
+            (None, None) if known.name.contains("_SLOTS_") => assert!(SLOTS.contains(known.name), "{}", known.name),
             (found, _) => panic!("{}: reached {} times", known.name, found.unwrap_or(&0)),
         }
     }

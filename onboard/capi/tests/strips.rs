@@ -50,6 +50,7 @@ fn settings() -> eld_strip_settings_t {
         post_cols_per_px: 1.0 / 29.61,
         pixels,
         light: std::ptr::null(),
+        check: std::ptr::null(),
     }
 }
 

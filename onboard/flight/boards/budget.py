@@ -113,17 +113,17 @@ def table(counts_path):
 
 
 def calls(path):
-    """The longest call of each function, over all tiles."""
-    most, functions = {}, []
+    """The longest call of each function, over all tiles: a row for each function, a column for each board."""
+    most, boards = {}, []
     with open(path, encoding="utf-8") as file:
         for line in file.read().splitlines()[1:]:
             board, function, _, _, count, _ = line.split(",")
-            functions += [function] if function not in functions else []
-            row = most.setdefault(board, {})
-            row[function] = max(row.get(function, 0), int(count))
-    rows = ["| board | " + " | ".join(f"`{name}`" for name in functions) + " |", "|---|" + "---|" * len(functions)]
-    for board, row in most.items():
-        rows.append(f"| `{board}` | " + " | ".join(f"{row[name] / 1e6:.1f}" for name in functions) + " |")
+            boards += [board] if board not in boards else []
+            row = most.setdefault(function, {})
+            row[board] = max(row.get(board, 0), int(count))
+    rows = ["| function | " + " | ".join(f"`{board}`" for board in boards) + " |", "|---|" + "---|" * len(boards)]
+    for function, row in sorted(most.items()):
+        rows.append(f"| `{function}` | " + " | ".join(f"{row[board] / 1e6:.2f}" if board in row else "" for board in boards) + " |")
     return rows
 
 

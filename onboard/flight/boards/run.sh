@@ -142,7 +142,7 @@ conclude() {
     fi
     touch "$work/$board.passed"
     if [ "$calls$record" = yesno ]; then
-        echo "PASS $board: heights as on the host; longest call within a budget $(grep -v eld_model_check "$work/$board.rows" | cut -d, -f5 | sort -n | tail -1) instructions"
+        echo "PASS $board: heights as on the host; longest call $(cut -d, -f5 "$work/$board.rows" | sort -n | tail -1) instructions"
         return
     fi
     if [ "$operators" = yes ]; then

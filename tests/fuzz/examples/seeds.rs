@@ -34,7 +34,7 @@ fn main() -> Result<()> {
     for (number, model) in models.take(100).enumerate() {
         write(&folder.join("model"), number, &model)?;
     }
-    for target in ["kernels", "c_abi"] {
+    for target in ["kernels", "c_abi", "c_lines"] {
         for seed in 0..50 {
             let mut random = Random::of_seed(seed);
             let len = 20 + random.number() as usize % 400;

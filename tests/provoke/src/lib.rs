@@ -1,6 +1,7 @@
 //! Arbitrary bytes as input of the flight library, for the fuzz targets and their seeded replays in `cases/`.
 
 pub mod c_abi;
+pub mod c_lines;
 pub mod mender;
 pub mod model;
 pub mod programs;

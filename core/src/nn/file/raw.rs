@@ -19,7 +19,11 @@ impl<'a> RawModel<'a> {
     /// # Errors
     /// The first check that fails.
     pub fn new(bytes: &'a [u8]) -> Result<Self, ModelError> {
-        let found = bytes.len() as u64;
+        Self::of_file(bytes, bytes.len() as u64)
+    }
+
+    /// As [`Self::new`], with the first bytes, at least the header, of a file of `found` bytes.
+    pub(crate) fn of_file(bytes: &'a [u8], found: u64) -> Result<Self, ModelError> {
         if bytes.get(..MAGIC.len()) != Some(&MAGIC[..]) {
             return Err(ModelError::Magic);
         }

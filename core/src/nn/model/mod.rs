@@ -3,6 +3,7 @@
 mod validate;
 mod verdict;
 
+pub(super) use validate::COMPARED;
 pub use validate::Validation;
 pub use verdict::Verdict;
 
@@ -16,6 +17,9 @@ use super::input::{Illumination, InputRules, TruthRange};
 use super::ops::{Constants, Prepared};
 use super::tensor::Tensor;
 use crate::tile::Shape;
+
+/// Cost of a sample that is made and quantised, in multiply-accumulates, as counted on a Cortex-M7.
+pub(crate) const QUANTISED: u64 = 50;
 
 /// A validated model, borrowing the file's bytes. Every operator of a `Model` stays inside its tensors, constants and accumulators, and no
 /// tensor is read before it is written or after it is overwritten.
@@ -247,7 +251,12 @@ impl<'a> Model<'a> {
         let operators = (0..self.operator_count()).filter_map(|index| self.operator(index));
         let largest = operators.map(|operator| self.prepared(&operator).largest_unit()).max().unwrap_or(0);
         // The first chunk of the model is compared together with the bytes before it.
-        largest.max((self.raw.body_offset() + CHUNK_BYTES) as u64)
+        largest.max((self.raw.body_offset() + CHUNK_BYTES) as u64).max(self.row_macs())
+    }
+
+    /// Cost of loading a row of both inputs, in multiply-accumulates.
+    pub(super) fn row_macs(&self) -> u64 {
+        QUANTISED * ((self.image_maps() + 1) * self.tile().cols) as u64
     }
 
     /// Number of multiply-accumulates of a whole operator.

@@ -4,6 +4,7 @@ use super::Model;
 use crate::nn::file::{ModelError, RawModel, word};
 #[cfg(doc)]
 use crate::nn::runner::Runner;
+use crate::words::Words;
 
 /// The result of validating a model file, and the checksum that binds it to that file.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
@@ -20,6 +21,14 @@ pub struct Verdict {
     pub sum_count: u32,
     /// Number of multiply-accumulates of a tile.
     pub macs: u64,
+}
+
+impl Verdict {
+    pub(in crate::nn) fn visit(&mut self, words: &mut Words<'_>) {
+        let Self { header_crc, file_bytes, scratch_offset, scratch_bytes, sum_count, macs } = self;
+        [header_crc, file_bytes, scratch_offset, scratch_bytes, sum_count].into_iter().for_each(|v| words.u32(v));
+        words.u64(macs);
+    }
 }
 
 impl<'a> Model<'a> {

@@ -12,30 +12,33 @@
 //! older copy first and then the other, so that at any moment at least one copy is intact; the newer intact one is valid. The progress of
 //! an upload needs no record, because a model file contains checksums of its chunks. No call writes to a byte of the confirmed model.
 //!
-//! Slots do not run models. A model is borrowed from the storage as long as a [`Runner`] uses it. For an upload in the meantime, suspend
+//! [`SlotWork`] decides, [`Slots`] does it on a storage that is read in place. Slots do not run models. A model is borrowed from the storage as long as a [`Runner`] uses it. For an upload in the meantime, suspend
 //! the runner between two calls ([`Runner::suspend`]), or let it read the storage through another mapping.
 //!
 //! `onboard/docs/model-update.md` describes the layout, the sequences and the effect of a cut at each point.
 
 mod boot;
-mod directory;
 mod error;
 mod passed;
+mod put;
 mod record;
 mod storage;
 mod upload;
+mod work;
 
 pub use error::SlotError;
 pub use passed::SelfTestPassed;
 pub use record::{RECORD_BYTES, SlotEntry, SlotRecord, Trial};
 pub use storage::{Region, Slot, Storage, StorageError};
+pub use work::{Answer, Given, SlotPlaces, SlotWork, Want};
 
 #[cfg(doc)]
 use super::Runner;
 use super::Verdict;
-use super::file::{HEADER_BYTES, RawModel, word};
+use super::file::{HEADER_BYTES, word};
 use super::model::Model;
-use upload::Upload;
+use crate::part::part;
+use crate::words::Words;
 
 /// Largest number of boots of a trial.
 pub const MAX_TRIAL_BOOTS: u32 = 16;
@@ -56,6 +59,11 @@ impl ModelId {
     pub fn of(file: &[u8]) -> Self {
         let word = |index: usize| super::file::u32_at(file, 4 * index);
         Self { file_bytes: word(word::FILE_BYTES), header_crc: word(word::HEADER_CRC) }
+    }
+
+    pub(super) fn visit(&mut self, words: &mut Words<'_>) {
+        words.u32(&mut self.file_bytes);
+        words.u32(&mut self.header_crc);
     }
 
     /// Returns an error if `found` is another model.
@@ -86,6 +94,20 @@ pub struct Boot {
     pub standing: Standing,
     /// The result of its validation.
     pub verdict: Verdict,
+}
+
+impl Boot {
+    /// Returns the identity of the model.
+    #[must_use]
+    pub fn id(&self) -> ModelId {
+        ModelId { file_bytes: self.verdict.file_bytes, header_crc: self.verdict.header_crc }
+    }
+
+    fn visit(&mut self, words: &mut Words<'_>) {
+        words.choice(&mut self.slot, &[Slot::A, Slot::B]);
+        words.choice(&mut self.standing, &[Standing::Confirmed, Standing::Trial, Standing::Salvaged]);
+        self.verdict.visit(words);
+    }
 }
 
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -131,14 +153,15 @@ enum State {
 #[derive(Debug)]
 pub struct Slots<S> {
     storage: S,
-    state: State,
-    upload: Option<Upload>,
+    work: SlotWork,
 }
 
 impl<S: Storage> Slots<S> {
     /// Takes the storage; reads nothing.
     pub fn new(storage: S) -> Self {
-        Self { storage, state: State::New, upload: None }
+        let bytes = Region::ALL.map(|region| storage.bytes(region).len());
+        let sector_bytes = Region::ALL.map(|region| storage.sector_bytes(region));
+        Self { storage, work: SlotWork::new(SlotPlaces { bytes, sector_bytes }) }
     }
 
     /// Returns the storage.
@@ -146,15 +169,39 @@ impl<S: Storage> Slots<S> {
         &self.storage
     }
 
-    /// Returns the first bytes of a slot; an empty slice if the slot is shorter.
-    fn file(&self, slot: Slot, file_bytes: u32) -> &[u8] {
-        self.storage.bytes(Region::Model(slot)).get(..file_bytes as usize).unwrap_or_default()
+    /// Returns the copies of the record.
+    fn copies(&self) -> [Option<SlotRecord>; 2] {
+        [Region::Record, Region::RecordCopy].map(|copy| SlotRecord::decode(self.storage.bytes(copy)))
     }
 
-    /// Validates that a slot holds this model, and that the runner accepts it.
-    fn validate(&self, SlotEntry { slot, id }: SlotEntry) -> Result<Model<'_>, SlotError> {
-        let file = self.file(slot, id.file_bytes);
-        id.same(ModelId::of(file))?;
-        Ok(Model::new(file)?)
+    /// Returns the record; `None` if neither copy is intact.
+    pub fn record(&self) -> Option<SlotRecord> {
+        SlotRecord::newest(self.copies())
+    }
+
+    /// Number of copies of the record that are intact and equal, for housekeeping: 2, unless the storage is worn or damaged.
+    pub fn record_copies(&self) -> usize {
+        let record = self.record();
+        self.copies().iter().filter(|copy| copy.is_some() && **copy == record).count()
+    }
+
+    /// Does the work that was begun; `chunk` is what is written.
+    fn drive(&mut self, chunk: &[u8]) -> Result<Answer, SlotError> {
+        loop {
+            let given = match self.work.want() {
+                Want::Read { region, offset_bytes, len } => {
+                    Given::Bytes(part(self.storage.bytes(region), offset_bytes, len))
+                }
+                Want::Erase { region, offset_bytes } => Given::Done(self.storage.erase(region, offset_bytes)),
+                Want::WriteRecord { region, bytes } => Given::Done(self.storage.write(region, 0, &bytes)),
+                Want::WriteChunk { slot, offset_bytes, .. } => {
+                    Given::Done(self.storage.write(Region::Model(slot), offset_bytes, chunk))
+                }
+                Want::Nothing => return Err(SlotError::NotBooted),
+            };
+            if let Some(answer) = self.work.give(given, u64::MAX) {
+                return answer;
+            }
+        }
     }
 }

@@ -9,6 +9,7 @@
 use super::{ModelId, Slot};
 use crate::nn::file::{NONE, crc32c, u32_at};
 use crate::part::part;
+use crate::words::Words;
 
 /// Bytes of a record.
 pub const RECORD_BYTES: usize = 4 * WORDS;
@@ -49,7 +50,33 @@ pub struct SlotRecord {
     pub rollbacks: u32,
 }
 
+impl SlotEntry {
+    pub(super) fn visit(&mut self, words: &mut Words<'_>) {
+        words.choice(&mut self.slot, &[Slot::A, Slot::B]);
+        self.id.visit(words);
+    }
+}
+
 impl SlotRecord {
+    pub(super) fn visit(&mut self, words: &mut Words<'_>) {
+        let none = SlotEntry { slot: Slot::A, id: ModelId { file_bytes: 0, header_crc: 0 } };
+        words.u64(&mut self.sequence);
+        words.option(&mut self.confirmed, none, SlotEntry::visit);
+        words.option(&mut self.trial, Trial { entry: none, boots_left: 0 }, |trial, words| {
+            trial.entry.visit(words);
+            words.u32(&mut trial.boots_left);
+        });
+        words.u32(&mut self.rollbacks);
+    }
+
+    /// Returns the newest record of both copies.
+    pub(super) fn newest([first, second]: [Option<Self>; 2]) -> Option<Self> {
+        match (first, second) {
+            (Some(first), Some(second)) => Some(if second.sequence > first.sequence { second } else { first }),
+            (first, second) => first.or(second),
+        }
+    }
+
     /// Returns the bytes of the record.
     pub(super) fn encode(&self) -> [u8; RECORD_BYTES] {
         let entry = |entry: Option<SlotEntry>| match entry {

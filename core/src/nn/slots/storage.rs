@@ -75,6 +75,11 @@ pub trait Storage {
     fn write(&mut self, region: Region, offset_bytes: usize, bytes: &[u8]) -> Result<(), StorageError>;
 }
 
+impl Region {
+    /// All regions.
+    pub(super) const ALL: [Self; 4] = [Self::Model(Slot::A), Self::Model(Slot::B), Self::Record, Self::RecordCopy];
+}
+
 impl<S: Storage + ?Sized> Storage for &mut S {
     fn bytes(&self, region: Region) -> &[u8] {
         (**self).bytes(region)

@@ -57,6 +57,32 @@ fn a_run_resumed_after_every_unit_is_the_same_run() {
 }
 
 #[test]
+fn a_self_test_begun_in_steps_is_the_same_run() {
+    let file = file();
+    let model = Model::new(&file).unwrap();
+    let (mut arena, mut other) = (vec![0; required(&model)], vec![7; required(&model)]);
+    let mut runner = Runner::with_kernel(Kernel::SCALAR, model, &mut arena).unwrap();
+    runner.begin_self_test().unwrap();
+    while runner.step(1).unwrap() == Progress::Running {}
+    let (expected, steps) = (runner.output_crc().unwrap(), runner.telemetry().steps);
+    let mut suspended = Suspended { phase: Suspended::LOADING, ..Suspended::default() };
+    loop {
+        let mut runner = Runner::resume(Kernel::SCALAR, model, &mut other, &suspended).unwrap();
+        if suspended.telemetry.steps == 0 {
+            runner.begin_self_test_in_steps().unwrap();
+        }
+        let progress = runner.step(1).unwrap();
+        suspended = runner.suspend();
+        if progress == Progress::Done {
+            assert_eq!(runner.output_crc().unwrap(), expected);
+            break;
+        }
+    }
+    // A row of each input takes a step.
+    assert_eq!(suspended.telemetry.steps, steps + 12);
+}
+
+#[test]
 fn bytes_that_are_compared_and_summed_count_as_work() {
     let tile = (12, 10);
     let mut draft = Draft::new(tile);
@@ -110,6 +136,7 @@ fn places_that_no_run_has_are_refused() {
         Suspended { step: steps - 1, unit: units - 1, ..at_work },
         Suspended { phase: Suspended::VERIFYING, ..at_work },
         Suspended { phase: Suspended::DONE, ..at_work },
+        Suspended { phase: Suspended::LOADING, entry: 11, ..at_work },
         Suspended { protection: Suspended::TRUSTING, ..at_work },
         Suspended { protection: Suspended::CHECKED, ..at_work },
     ] {
@@ -117,6 +144,8 @@ fn places_that_no_run_has_are_refused() {
     }
     for bad in [
         Suspended { phase: 4, ..at_work },
+        Suspended { phase: Suspended::LOADING, entry: 12, ..at_work },
+        Suspended { phase: Suspended::LOADING, step: 1, ..at_work },
         Suspended { protection: 4, ..at_work },
         Suspended { phase: Suspended::VERIFYING, entry: model.raw().chunks(), ..at_work },
         Suspended { phase: Suspended::VERIFYING, step: 1, ..at_work },

@@ -4,7 +4,6 @@ use super::ALIGN_BYTES;
 use super::pointers::*;
 use super::tile::form_of;
 use crate::context::Outcome;
-use crate::info;
 use crate::status::*;
 use crate::strip::record::{STRIP_HEAD_BYTES, StripHead, StripRecord};
 use crate::strip::types::{eld_strip_settings_t, eld_strip_t, eld_strip_telemetry_t};
@@ -91,15 +90,15 @@ unsafe fn asked<'m>(
         // SAFETY: the caller's promise.
         false => Some(unsafe { structure(asked.light) }?),
     };
+    let check = (!asked.check.is_null()).then_some(asked.check);
     // SAFETY: the caller's promise.
-    let bytes = unsafe { slice(model.cast::<u8>(), model_bytes) }?;
-    let (model, _) = info::open(bytes)?;
+    let (model, _) = unsafe { super::opened((model, model_bytes), check) }?;
     let settings = strip::settings(&model, &asked, pixels, light.as_ref())?;
     Ok((model, settings))
 }
 
-/// Validates a model and the settings of a strip, and writes the number of bytes of memory for `eld_strip_init`, which needs alignment as
-/// `eld_init`. `settings->struct_bytes` must be set.
+/// Validates a model, unless the settings have its check, and the settings of a strip; writes the number of bytes of memory for
+/// `eld_strip_init`, which needs alignment as `eld_init`. `settings->struct_bytes` must be set.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_strip_plan(
     model: *const c_void,

@@ -1,7 +1,7 @@
 //! Types of strips, with C names.
 #![allow(non_camel_case_types)]
 
-use crate::types::{eld_lighting_t, eld_pixels_t, eld_status_t};
+use crate::types::{eld_check_t, eld_lighting_t, eld_pixels_t, eld_status_t};
 
 /// A strip with its model's working memory, at the start of the memory lent to `eld_strip_init`. What holds for a context holds for it, too.
 pub struct eld_strip_t {
@@ -48,6 +48,8 @@ pub struct eld_strip_settings_t {
     pub pixels: eld_pixels_t,
     /// The light of the strip, as `eld_light_decide` gives it; NULL: decided from the stated angles of the Sun alone.
     pub light: *const eld_lighting_t,
+    /// The finished check of the model (`eld_model_check_step`); NULL: the model is validated at once.
+    pub check: *const eld_check_t,
 }
 
 /// Counters of a strip since `eld_strip_init`. They do not wrap within the time of a mission.

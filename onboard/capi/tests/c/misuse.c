@@ -20,6 +20,7 @@ int main(void) {
     static const uint8_t no_model[64] = {0x89, 'P', 'N', 'G'};
     eld_context_t *context = (eld_context_t *)memory;
     eld_model_info_t info;
+    eld_check_t check;
     eld_telemetry_t telemetry;
     char name[4];
     uint32_t sum = 0;
@@ -30,6 +31,12 @@ int main(void) {
     expect("no model", eld_model_check(no_model, sizeof no_model, &info), ELD_REFUSED_MODEL_MAGIC);
     expect("model NULL", eld_model_check(NULL, 0, &info), ELD_REFUSED_NULL);
     expect("init without model", eld_init(memory, sizeof memory, no_model, sizeof no_model, &context), ELD_REFUSED_MODEL_MAGIC);
+    if (context != NULL) wrong++;
+    memset(&check, 0, sizeof check);
+    expect("check of no model", eld_model_check_step(no_model, sizeof no_model, 1, &check, &info), ELD_REFUSED_MODEL_MAGIC);
+    check.words[0] = 1;
+    expect("a check of its own", eld_model_check_step(no_model, sizeof no_model, 1, &check, &info), ELD_FAULT_CHECK);
+    expect("no check", eld_init_checked(memory, sizeof memory, no_model, sizeof no_model, NULL, &context), ELD_REFUSED_NULL);
     if (context != NULL) wrong++;
     expect("after a refused init", eld_step(context, 1), ELD_REFUSED_NULL);
     context = (eld_context_t *)memory;

@@ -18,17 +18,20 @@ int main(int argc, char **argv) {
     void *memory;
     float *image, *coarse_m, *heights_m;
     eld_model_info_t info;
+    eld_check_t checked;
     eld_tile_t tile;
     eld_strip_settings_t settings;
     eld_strip_t *strip;
     eld_strip_telemetry_t telemetry;
-    eld_status_t next = ELD_NOTICE_STRIP_PUSH;
+    eld_status_t next;
     FILE *out;
 
     if (argc != 4) fail("usage", "strip MODEL FOLDER OUT");
     model = read_file("", argv[1], &model_bytes);
     info.struct_bytes = sizeof info;
-    check("model", eld_model_check(model, model_bytes, &info));
+    memset(&checked, 0, sizeof checked);
+    while ((next = eld_model_check_step(model, model_bytes, 5000000, &checked, &info)) == ELD_RUNNING) steps++;
+    check("model", next);
     rows = info.tile_rows;
     cols = info.tile_cols;
     tile = golden_tile(argv[2]);
@@ -42,10 +45,13 @@ int main(int argc, char **argv) {
     settings.sun_azimuth_deg = tile.sun_azimuth_deg;
     settings.sun_elevation_deg = tile.sun_elevation_deg;
     settings.pixels = tile.image;
+    settings.check = &checked;
     check("plan", eld_strip_plan(model, model_bytes, &settings, &memory_bytes));
     memory = malloc((size_t)memory_bytes);
     check("init", eld_strip_init(memory, (size_t)memory_bytes, model, model_bytes, &settings, &strip));
 
+    steps = 0;
+    next = ELD_NOTICE_STRIP_PUSH;
     image = (float *)malloc(cols * sizeof *image);
     coarse_m = (float *)malloc(cols * sizeof *coarse_m);
     heights_m = (float *)malloc(rows * cols * sizeof *heights_m);

@@ -2,6 +2,7 @@
 
 use crate::page;
 use crate::pages::read;
+use elunar_capi::slots::types::*;
 use elunar_capi::status::STATUSES;
 use elunar_capi::strip::types::*;
 use elunar_capi::types::*;
@@ -39,7 +40,7 @@ fn every_status_is_answered_by_some_function() {
     let (_, rules) = page.split_once("### 2.1").unwrap();
     let (rules, _) = rules.split_once("### 2.3").unwrap();
     for name in STATUSES.iter().map(|known| known.name) {
-        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_", "ELD_NOTICE_STRIP_"]
+        let family = ["ELD_REFUSED_MODEL_", "ELD_REFUSED_TILE_", "ELD_NOTICE_STRIP_", "ELD_NOTICE_SLOTS_"]
             .into_iter()
             .find(|family| name.starts_with(family));
         let said = family.map_or(format!("`{name}`"), |family| format!("`{family}*`"));
@@ -67,7 +68,12 @@ fn structures(header: &str) -> Vec<Row> {
         for line in body.lines().filter_map(|line| line.trim().strip_suffix(';')) {
             let split = line.rfind([' ', '*']).unwrap() + 1;
             let (kind, field) = (line[..split].trim(), &line[split..]);
-            let [bytes, align] = if kind.ends_with('*') { [[8, 4]; 2] } else { known[kind] };
+            // An array has its length behind the name.
+            let (field, count) = field
+                .split_once('[')
+                .map_or((field, 1), |(name, count)| (name, count.trim_end_matches(']').parse().unwrap()));
+            let [one, align] = if kind.ends_with('*') { [[8, 4]; 2] } else { known[kind] };
+            let bytes = one.map(|bytes: usize| bytes * count);
             let offset = [0, 1].map(|i| usize::next_multiple_of(at[i], align[i]));
             rows.push((structure.into(), field.into(), kind.into(), offset));
             at = [0, 1].map(|i| offset[i] + bytes[i]);
@@ -89,7 +95,7 @@ fn structures_are_laid_out_as_listed() {
     let found = found.strip_prefix("structure,field,type,offset_64,offset_32\n").unwrap();
     assert_eq!(found, expected, "onboard/docs/structures.csv");
     let names: BTreeSet<&str> = rows.iter().map(|row| row.0.as_str()).collect();
-    assert_eq!(names.len(), 11, "{names:?}");
+    assert_eq!(names.len(), 15, "{names:?}");
 }
 
 /// Compares the layout of structures in Rust with the one that is listed; it does not compile if a field is left out.
@@ -126,12 +132,17 @@ fn structures_are_laid_out_in_rust_as_in_c() {
             tiles_again, tiles_lost, tiles_void, memory_faults, pieces_lost, steps, macs, inputs_clamped, saturated, scrubbed_bytes,
             scrub_passes, scrub_faults, tile_faults }
         eld_strip_settings_t { struct_bytes, cols, ring_lines, overlap_px, pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg,
-            network_alone, expected_errors, post_cols, processor_checks, post_row0, post_rows_per_line, post_col0, post_cols_per_px, pixels, light
-            }
+            network_alone, expected_errors, post_cols, processor_checks, post_row0, post_rows_per_line, post_col0, post_cols_per_px, pixels, light,
+            check }
         eld_pixels_t { data, data_bytes, row_bytes, format, flags, gain, offset, null_code, saturated_from }
         eld_tile_t { struct_bytes, pixel_m, coarse_px, sun_azimuth_deg, sun_elevation_deg, network_alone, processor_checks, image, coarse_m, coarse_len,
             valid, valid_len, posts, light }
         eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px }
+        eld_check_t { words }
+        eld_slots_storage_t { struct_bytes, slot_sector_bytes, record_bytes, record_sector_bytes, slot_bytes }
+        eld_slots_want_t { struct_bytes, what, region, reserved, offset_bytes, bytes, data }
+        eld_slots_state_t { struct_bytes, standing, slot, file_bytes, header_crc, boots_left, rollbacks, record_copies, uploading, last_fault,
+            uploaded_bytes, calls, faults, context_repairs, check }
         eld_terrain_maps_t { struct_bytes, slope_deg, hillshade, footprint_slope_deg, roughness_m, hazard }
     }
 }

@@ -25,6 +25,34 @@ pub(crate) fn validated(model: &[u8]) -> eld_status_t {
     checked
 }
 
+/// Checks nano, a piece of so much at first; then all of the rest after a change.
+pub(crate) fn check_step(first: u64, change: fn(&mut eld_check_t)) -> eld_status_t {
+    let mut check = eld_check_t::default();
+    let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
+    let model = (nano().as_ptr().cast(), nano().len());
+    // SAFETY: a slice and structures of the test.
+    unsafe {
+        let status = ffi::eld_model_check_step(model.0, model.1, first, &raw mut check, &raw mut info);
+        assert_eq!(status, ELD_RUNNING);
+        change(&mut check);
+        ffi::eld_model_check_step(model.0, model.1, u64::MAX, &raw mut check, &raw mut info)
+    }
+}
+
+/// Makes a context with a check of so much of nano.
+pub(crate) fn init_checked(budget_macs: u64) -> eld_status_t {
+    let (mut check, mut handle) = (eld_check_t::default(), null_mut());
+    let mut info = info(nano()).unwrap();
+    let mut memory = vec![7u64; (info.memory_bytes as usize).div_ceil(8)];
+    let model = (nano().as_ptr().cast(), nano().len());
+    // SAFETY: buffers and structures of the test.
+    unsafe {
+        ffi::eld_model_check_step(model.0, model.1, budget_macs, &raw mut check, &raw mut info);
+        let place = memory.as_mut_ptr().cast();
+        ffi::eld_init_checked(place, info.memory_bytes as usize, model.0, model.1, &raw const check, &raw mut handle)
+    }
+}
+
 pub(crate) fn begun() -> Context {
     let mut context = Context::new(nano());
     assert_eq!(context.begin(&Tile::golden()), ELD_OK);

@@ -7,12 +7,12 @@ use elunar_capi::elunar_core::nn::file::Crc32c;
 use elunar_capi::ffi;
 use elunar_capi::status::{ELD_OK, ELD_RUNNING, FAULT, severity};
 use elunar_capi::types::{
-    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_context_t, eld_errors_t, eld_model_info_t, eld_pixels_t, eld_posts_t,
-    eld_status_t, eld_tile_t,
+    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_check_t, eld_context_t, eld_errors_t, eld_model_info_t, eld_pixels_t,
+    eld_posts_t, eld_status_t, eld_tile_t,
 };
 
 /// Multiply-accumulates per call, as in the budgets.
-const BUDGET_MACS: u64 = 5_000_000;
+pub(crate) const BUDGET_MACS: u64 = 5_000_000;
 /// The code of a pixel without a value.
 const NULL_CODE: u16 = 0xffff;
 
@@ -53,20 +53,22 @@ struct Own<'m> {
 /// Runs all kinds of tiles; prints a line per call and per tile. Returns whether no call reported a fault.
 pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> bool {
     let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
-    // SAFETY: a slice and a structure of our own.
-    let checked = counted("eld_model_check", console, || unsafe {
-        ffi::eld_model_check(model.as_ptr().cast(), model.len(), &raw mut info)
+    let mut check = eld_check_t::default();
+    // SAFETY: a slice and structures of our own.
+    let checked = repeated("eld_model_check_step", console, &mut || unsafe {
+        let (bytes, len) = (model.as_ptr().cast(), model.len());
+        ffi::eld_model_check_step(bytes, len, BUDGET_MACS, &raw mut check, &raw mut info)
     });
     let pixels = (info.tile_rows * info.tile_cols) as usize;
-    let Some((context_memory, mut own)) = divided(memory, info.memory_bytes as usize, pixels) else {
+    let Some((context_memory, mut own, rest)) = divided(memory, info.memory_bytes as usize, pixels) else {
         let _ = writeln!(console, "ERROR: {} bytes of memory are too few", memory.len());
         return false;
     };
     let mut context = core::ptr::null_mut();
     // SAFETY: memory of our own, which lives as long as the context.
-    let made = repeated("eld_init_step", console, &mut || unsafe {
-        let (memory, bytes) = (context_memory.as_mut_ptr(), context_memory.len());
-        ffi::eld_init_step(memory.cast(), bytes, model.as_ptr().cast(), model.len(), BUDGET_MACS, &raw mut context)
+    let made = counted("eld_init_checked", console, || unsafe {
+        let (memory, bytes) = (context_memory.as_mut_ptr().cast(), context_memory.len());
+        ffi::eld_init_checked(memory, bytes, model.as_ptr().cast(), model.len(), &raw const check, &raw mut context)
     });
     if (checked, made) != (ELD_OK, ELD_OK) {
         let _ = writeln!(console, "ERROR: {checked:#x} {made:#x}");
@@ -76,11 +78,37 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
     // The network of a large tile takes long; one is enough to compare it, and one to compare what its checks cost.
     let whole = |kind: Kind| kind.is_told() || pixels < 10_000;
     let all = kinds.map(|kind| tile(context, kind, info.tile_cols as usize, whole(kind), &mut own, console));
-    all.iter().all(|passed| *passed)
+    let small = pixels < 10_000;
+    let mut passed = self_test(context, small, console) && all.iter().all(|passed| *passed);
+    passed &= crate::c_slots::run(model, small.then_some(context), rest, console);
+    passed &= crate::c_lines::terrain(rest, console);
+    // The context is not needed any more.
+    // SAFETY: any bits are numbers; what is not aligned is left out.
+    let (memory, known) = (unsafe { memory.align_to_mut::<u64>().1 }, (model, &check, &info));
+    passed &= crate::c_lines::strip(known, memory, (true, usize::MAX), console);
+    passed & crate::c_lines::strip(known, memory, (false, if small { usize::MAX } else { 400 }), console)
+}
+
+/// Begins the self test and loads its tile; runs and checks it if it is `whole`.
+fn self_test(context: *mut eld_context_t, whole: bool, console: &mut impl Write) -> bool {
+    let _ = writeln!(console, "tile SelfTest");
+    // SAFETY: a context of our own, here and below.
+    let mut status = counted("eld_self_test_begin", console, || unsafe { ffi::eld_self_test_begin(context) });
+    for _ in 0..10 {
+        // SAFETY: as above.
+        status = status.max(counted("eld_step", console, || unsafe { ffi::eld_step(context, BUDGET_MACS) }));
+    }
+    if whole {
+        // SAFETY: as above.
+        status = repeated("eld_step", console, &mut || unsafe { ffi::eld_step(context, BUDGET_MACS) });
+        // SAFETY: as above.
+        status = status.max(counted("eld_self_test_check", console, || unsafe { ffi::eld_self_test_check(context) }));
+    }
+    severity(status) < FAULT
 }
 
 /// Calls a function between the marks and prints its name.
-fn counted(name: &str, console: &mut impl Write, call: impl FnOnce() -> eld_status_t) -> eld_status_t {
+pub(crate) fn counted(name: &str, console: &mut impl Write, call: impl FnOnce() -> eld_status_t) -> eld_status_t {
     elunar_count_start();
     let status = call();
     elunar_count_stop();
@@ -89,7 +117,7 @@ fn counted(name: &str, console: &mut impl Write, call: impl FnOnce() -> eld_stat
 }
 
 /// Calls a function until it is done, as [`counted`].
-fn repeated(name: &str, console: &mut impl Write, call: &mut dyn FnMut() -> eld_status_t) -> eld_status_t {
+pub(crate) fn repeated(name: &str, console: &mut impl Write, call: &mut dyn FnMut() -> eld_status_t) -> eld_status_t {
     loop {
         let status = counted(name, console, &mut *call);
         if status != ELD_RUNNING {
@@ -98,14 +126,15 @@ fn repeated(name: &str, console: &mut impl Write, call: &mut dyn FnMut() -> eld_
     }
 }
 
-/// Divides memory into that of the context and the caller's maps.
-fn divided(memory: &mut [u8], context_bytes: usize, pixels: usize) -> Option<(&mut [u8], Own<'_>)> {
+/// Divides memory into that of the context, the caller's maps, and the rest.
+fn divided(memory: &mut [u8], context_bytes: usize, pixels: usize) -> Option<(&mut [u8], Own<'_>, &mut [u64])> {
     // SAFETY: any bits are numbers; what is not aligned is left out.
     let memory = unsafe { memory.align_to_mut::<u64>().1 };
     let (context, memory) = memory.split_at_mut_checked(context_bytes.div_ceil(8))?;
     let (heights, memory) = memory.split_at_mut_checked(pixels.div_ceil(2))?;
     let (coarse, memory) = memory.split_at_mut_checked(pixels.div_ceil(2))?;
-    let (image, valid) = memory.split_at_mut_checked(pixels.div_ceil(4))?;
+    let (image, memory) = memory.split_at_mut_checked(pixels.div_ceil(4))?;
+    let (valid, rest) = memory.split_at_mut_checked(pixels.div_ceil(8))?;
     // SAFETY: as above; numbers of eight bytes are aligned for shorter ones.
     let (context, heights_m, coarse_m, image, valid) = unsafe {
         let context = context.align_to_mut::<u8>().1;
@@ -123,7 +152,7 @@ fn divided(memory: &mut [u8], context_bytes: usize, pixels: usize) -> Option<(&m
         heights_m: heights_m.get_mut(..pixels)?,
         valid: valid.get_mut(..pixels)?,
     };
-    Some((context.get_mut(..context_bytes)?, own))
+    Some((context.get_mut(..context_bytes)?, own, rest))
 }
 
 /// Runs a tile through all calls; prints its checksums.

@@ -3,7 +3,7 @@
 //!
 //! 1. [`arch`] starts the processor, writes text and ends the run; `boards/<board>/memory.x` is the memory map.
 //! 2. [`report`] opens the model and runs the tile, once with the fastest kernel and once with the specification.
-//! 3. `c_calls` runs tiles through the C functions instead.
+//! 3. `c_calls` runs tiles through the C functions instead, `c_lines` strips and terrain maps, `c_slots` model slots.
 //! 4. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
 //!    `../../proofs` and `../../boards`.
 //!
@@ -15,6 +15,10 @@
 mod arch;
 #[cfg(feature = "c_calls")]
 mod c_calls;
+#[cfg(feature = "c_calls")]
+mod c_lines;
+#[cfg(feature = "c_calls")]
+mod c_slots;
 mod calls;
 #[cfg(not(bare))]
 mod hosted;

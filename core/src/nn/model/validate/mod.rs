@@ -25,7 +25,7 @@ const TENSOR_READS: usize = 20;
 
 /// Cost of comparing a byte with its checksums, and of validating what counts as one in [`work`], in multiply-accumulates, as counted on a
 /// Cortex-M7.
-const COMPARED: u64 = 6;
+pub(in crate::nn) const COMPARED: u64 = 6;
 const VALIDATED: u64 = 20;
 
 /// A part of the validation.
@@ -92,7 +92,7 @@ impl Validation {
         words.is_legal().then_some(validation)
     }
 
-    fn visit(&mut self, words: &mut Words<'_>) {
+    pub(in crate::nn) fn visit(&mut self, words: &mut Words<'_>) {
         use Stage::{Chunks, Done, Operators, Schedule, Tensors};
         words.choice(&mut self.stage, &[Chunks, Tensors, Operators, Schedule, Done]);
         words.u32(&mut self.index);
@@ -102,6 +102,12 @@ impl Validation {
         words.usize(&mut self.scratch_bytes);
         words.usize(&mut self.sum_count);
         words.u64(&mut self.macs);
+    }
+
+    /// Returns whether all is validated: then [`Self::advance`] opens the model at once.
+    #[must_use]
+    pub fn is_done(&self) -> bool {
+        self.stage == Stage::Done
     }
 
     /// Returns the work so far: at most [`crate::nn::file::MAX_WORK`] for each byte of the file.

@@ -3,6 +3,7 @@
 mod cuts;
 mod damage;
 mod flash;
+mod pieces;
 mod refusals;
 mod sequences;
 
