@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The packages of this repository, each with the others that it may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 18] = [
+const EDGES: [(&str, &[&str]); 19] = [
     ("elunar-core", &[]),
     ("elunar-testing", &[]),
     ("elunar-base", &[]),
@@ -76,6 +76,7 @@ const EDGES: [(&str, &[&str]); 18] = [
         "elunar-python",
         &["elunar-core", "elunar-base", "elunar-raster", "elunar-synth", "elunar-evaluate", "elunar-scene", "elunar"],
     ),
+    ("elunar-web", &["elunar-core", "elunar-base", "elunar-raster", "elunar-synth", "elunar-scene", "elunar"]),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
     (
