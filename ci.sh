@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # The steps: each is a function below.
-everything=(format lint supply book test python no_std boards checked asan miri backends vulkan cluster)
+everything=(format lint supply book test python page no_std boards checked asan miri backends vulkan cluster)
 on_request=(architecture order fuzz no_panic) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -116,6 +116,31 @@ python() {
     # Elsewhere, so that the package that is installed is checked.
     (cd "$target" && "$venv/bin/python" -m mypy --config-file "$root/pyproject.toml")
     "$venv/bin/python" host-train/python/examples/figure.py "$target/python.png"
+}
+
+# The runner's kernels for WebAssembly, and the page in a browser against the program on this machine.
+page() {
+    local wasm=wasm32-wasip1 features
+    if [ ! -d "$(rustc --print sysroot)/lib/rustlib/$wasm" ]; then
+        echo "SKIPPED: page: target $wasm is not installed (rustup target add $wasm)"
+        return
+    fi
+    if ! command -v node >/dev/null; then
+        echo "SKIPPED: page: node is not here (Debian package nodejs)"
+        return
+    fi
+    for features in "" +simd128; do
+        RUSTFLAGS="${features:+-C target-feature=$features}" CARGO_TARGET_WASM32_WASIP1_RUNNER="node $PWD/host-train/web/run.mjs" \
+            cargo test --locked --package elunar-core --target "$wasm" --target-dir "$target/web$features" \
+            --lib nn:: -- --skip nn::tests::whole # these read files of this machine
+    done
+    host-train/web/build.sh
+    if ! command -v "${CHROMIUM:-chromium}" >/dev/null; then
+        echo "SKIPPED: page in a browser: chromium is not here (Debian package chromium)"
+        return
+    fi
+    cargo build --locked --package elunar --package elunar-web
+    host-train/web/test/page.mjs "$target/page" "$target/debug/elunar" "$target/debug/elunar-web"
 }
 
 # The whole suite twice, in random order: one test at a time, then eight at once. Shuffling is an unstable option of the test runner, which

@@ -76,6 +76,7 @@ const EDGES: [(&str, &[&str]); 19] = [
         "elunar-python",
         &["elunar-core", "elunar-base", "elunar-raster", "elunar-synth", "elunar-evaluate", "elunar-scene", "elunar"],
     ),
+    ("elunar-web", &["elunar-core", "elunar-base", "elunar-raster", "elunar-synth", "elunar-scene", "elunar"]),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
     ("elunar-inject", &["elunar-core", "elunar-testing", "elunar-base", "elunar-raster", "elunar-picture"]),

@@ -54,12 +54,19 @@ fn install() -> std::io::Result<()> {
     std::thread::Builder::new().name("signals".into()).stack_size(64 << 10).spawn(listen).map(drop)
 }
 
-#[cfg(not(unix))]
+#[cfg(not(any(unix, target_family = "wasm")))]
 fn install() -> std::result::Result<(), ctrlc::Error> {
     ctrlc::set_handler(|| ask(130))
 }
 
+/// WebAssembly has no signals. Who runs it may ask as a caller, or end it.
+#[cfg(target_family = "wasm")]
+fn install() -> std::io::Result<()> {
+    Ok(())
+}
+
 /// Asks once; asked again, ends the program.
+#[cfg(not(target_family = "wasm"))]
 fn ask(code: i32) {
     if ASKED.swap(true, Ordering::SeqCst) {
         std::process::exit(code);

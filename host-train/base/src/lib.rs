@@ -20,5 +20,8 @@ pub use error::{Error, Result};
 pub use folder::folder_of;
 pub use output::atomic_write;
 
+/// Whether the program can start threads. WebAssembly has one, and no other process beside it.
+pub const HAS_THREADS: bool = !cfg!(target_family = "wasm");
+
 /// What files name as their maker: both programs write the same ones.
 pub const SOFTWARE: &str = concat!("ELunarDTM ", env!("CARGO_PKG_VERSION"));

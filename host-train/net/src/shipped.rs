@@ -5,19 +5,28 @@ use elunar_base::{Result, read};
 use std::path::Path;
 
 /// Name and file name of every shipped model.
+#[cfg(not(target_family = "wasm"))]
 const MODELS: [(&str, &str); 2] = [("ground", "ground.eld"), ("nano", "nano.eld")];
+/// On WebAssembly the page loads the model's file, so that the program is small.
+#[cfg(target_family = "wasm")]
+const MODELS: [(&str, &str); 0] = [];
 /// Most bytes of a shipped model (our choice).
 #[cfg(feature = "packed")]
 const MOST_BYTES: usize = 1 << 23;
 
 /// Returns the bytes of a model, as they are.
-#[cfg(not(feature = "packed"))]
+#[cfg(all(not(feature = "packed"), not(target_family = "wasm")))]
 fn bytes(model: usize) -> &'static [u8] {
     [&include_bytes!("../../models/ground.eld")[..], include_bytes!("../../models/nano.eld")][model]
 }
 
+#[cfg(target_family = "wasm")]
+fn bytes(_: usize) -> &'static [u8] {
+    &[]
+}
+
 /// Returns the bytes of a model, unpacked at its first use.
-#[cfg(feature = "packed")]
+#[cfg(all(feature = "packed", not(target_family = "wasm")))]
 fn bytes(model: usize) -> &'static [u8] {
     static PACKED: [&[u8]; 2] = [
         include_bytes!(concat!(env!("OUT_DIR"), "/ground.zst")),

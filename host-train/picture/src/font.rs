@@ -1,13 +1,13 @@
 //! The built-in font.
 
-use plotters::style::{FontStyle, register_font};
-use std::sync::Once;
-
 /// Name of the font in plotters.
 pub const FONT: &str = "sans-serif";
 
 /// Registers the font with plotters, which asks for it; later calls do nothing.
+#[cfg(not(target_family = "wasm"))]
 pub(super) fn install_font() {
+    use plotters::style::{FontStyle, register_font};
+    use std::sync::Once;
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         for style in [FontStyle::Normal, FontStyle::Bold] {
@@ -17,3 +17,7 @@ pub(super) fn install_font() {
         }
     });
 }
+
+/// On WebAssembly nothing draws text.
+#[cfg(target_family = "wasm")]
+pub(super) fn install_font() {}

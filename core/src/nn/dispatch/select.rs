@@ -32,6 +32,8 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
     let fastest = Some(Kernel::of::<kernels::dsp::Dsp>());
     #[cfg(arm_mve)]
     let fastest = Some(Kernel::of::<kernels::helium::Helium>());
+    #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+    let fastest = Some(Kernel::of::<kernels::simd128::Simd128>());
     [fastest, Some(Kernel::SCALAR)]
 }
 

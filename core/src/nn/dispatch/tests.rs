@@ -193,6 +193,11 @@ fn names_follow_the_rule_and_the_scalar_kernel_is_last() {
 
 #[test]
 fn every_kernel_the_processor_has_is_offered() {
+    #[cfg(target_arch = "wasm32")]
+    {
+        let offered = Kernel::available().any(|kernel| kernel.name().starts_with("simd128-"));
+        assert_eq!(offered, cfg!(target_feature = "simd128"));
+    }
     #[cfg(target_arch = "x86_64")]
     {
         let offered = |isa: &str| Kernel::available().any(|kernel| kernel.name().starts_with(isa));

@@ -30,6 +30,8 @@ pub(super) mod neon;
 pub(super) mod neon_dot;
 pub(super) mod requantise;
 pub(super) mod scalar;
+#[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
+pub(super) mod simd128;
 pub(super) mod softmax;
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86_avx2;
@@ -83,7 +85,7 @@ impl Patch<'_> {
 /// Calls `block` for every block of a product: `channels` channels of the panel after another, and for each all pixels. `block` gets the
 /// first channel, the first pixel and the number of pixels left, and returns how many it has computed.
 #[inline(always)]
-#[allow(dead_code, reason = "the kernels of ARM use it")]
+#[allow(dead_code, reason = "the kernels of ARM and WebAssembly use it")]
 pub(crate) fn blocks(
     width: usize,
     channels: usize,

@@ -57,7 +57,7 @@ fn every_field_of_a_convolution_is_validated() {
         |c, n| c.bias = n,
         |c, n| c.multipliers = n - 7,
         |c, n| c.table = Some(n - 255),
-        |c, _| c.weights = usize::MAX >> 33,
+        |c, _| c.weights = i32::MAX as usize,
     ] {
         assert_eq!(fault(|c, d| change(c, d.constants.len())), OperatorFault::Constants);
     }

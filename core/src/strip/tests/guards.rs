@@ -73,7 +73,7 @@ fn flips(count: usize) {
             (state >> 33) as usize % below
         };
         for _ in 0..count {
-            let (moment, place, bit) = (random(calls), random(usize::MAX >> 34), random(8));
+            let (moment, place, bit) = (random(calls), random((1 << 30) - 1), random(8));
             let (found, counters, _) = run_flipped(&file, &scene, settings, |call, blocks| {
                 if call == moment {
                     blocks.flip(place, bit);

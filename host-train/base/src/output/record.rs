@@ -30,7 +30,8 @@ impl OutputRecord {
     pub(super) fn here() -> Self {
         let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
         let namespace = std::fs::read_link("/proc/self/ns/pid");
-        let pid = std::process::id();
+        // WebAssembly has no processes.
+        let pid = if cfg!(target_family = "wasm") { 0 } else { std::process::id() };
         Self {
             host: host_name(),
             boot: read("/proc/sys/kernel/random/boot_id").unwrap_or_default(),

@@ -1,6 +1,6 @@
 //! The life sign of an owner: it touches its lock as long as it lives, so that other machines see when it has ended.
 
-use crate::{Error, Result};
+use crate::{Error, HAS_THREADS, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -29,9 +29,12 @@ impl Renewal {
     pub(super) fn begin(lock: &Path, file: &File) -> Result<Self> {
         let refused =
             |_| Error::io(lock)(std::io::Error::new(std::io::ErrorKind::OutOfMemory, "no thread for the lock"));
-        let (path, file) = (lock.to_path_buf(), file.try_clone().map_err(Error::io(lock))?);
         let lost = Arc::new(AtomicBool::new(false));
         let (_stop, ended) = channel::<()>();
+        if !HAS_THREADS {
+            return Ok(Self { lost, _stop });
+        }
+        let (path, file) = (lock.to_path_buf(), file.try_clone().map_err(Error::io(lock))?);
         let renew = {
             let lost = lost.clone();
             move || {

@@ -8,6 +8,7 @@ use elunar_scene::predict::int8;
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::whole::WholeTile;
 use std::path::PathBuf;
+use std::thread::ScopedJoinHandle;
 use std::time::{Duration, Instant};
 
 /// Help text below the options.
@@ -135,14 +136,16 @@ fn kernel(name: Option<&str>) -> Result<Kernel> {
 fn on_threads(threads: usize, measure: impl Fn() -> Result<Vec<f64>> + Sync) -> Result<Measured> {
     let available = std::thread::available_parallelism().map_or(1, |n| n.get());
     let threads = if threads == 0 { available } else { threads.min(256) };
-    let runs: Result<Vec<Vec<f64>>> = std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads).map(|_| scope.spawn(&measure)).collect();
-        workers
-            .into_iter()
-            .map(|w| w.join().unwrap_or_else(|_| Err(Error::usage("latency: a thread failed"))))
-            .collect()
-    });
-    let runs = runs?;
+    let on_others = || {
+        std::thread::scope(|scope| {
+            let workers: Vec<_> = (0..threads).map(|_| scope.spawn(&measure)).collect();
+            let join =
+                |w: ScopedJoinHandle<_>| w.join().unwrap_or_else(|_| Err(Error::usage("latency: a thread failed")));
+            workers.into_iter().map(join).collect::<Result<_>>()
+        })
+    };
+    // One needs no other, which WebAssembly does not have.
+    let runs: Vec<Vec<f64>> = if threads == 1 { vec![measure()?] } else { on_others()? };
     let tiles_per_s = runs.iter().map(|run| run.len() as f64 / run.iter().sum::<f64>()).sum();
     let tiles_s: Vec<f64> = runs.into_iter().flatten().collect();
     Ok(Measured { threads, tiles_s, tiles_per_s })

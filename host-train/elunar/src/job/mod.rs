@@ -13,7 +13,7 @@ mod write;
 
 use crate::outputs::{self, beside};
 use elunar_base::output::Owner;
-use elunar_base::{Error, Result, caller, interrupt, say};
+use elunar_base::{Error, HAS_THREADS, Result, caller, interrupt, say};
 use elunar_net::shipped;
 use elunar_net::sun::check_sun;
 use elunar_scene::predict::job::{fill, survey};
@@ -85,6 +85,9 @@ pub fn run(
 ) -> Result<Done> {
     begin(args);
     match part {
+        Some(_) if !HAS_THREADS => {
+            Err(Error::usage("--part: a program with threads expected; parts are for several machines"))
+        }
         Some(part) => make_part(args, part, open),
         None => make_whole(args, open),
     }
@@ -96,6 +99,9 @@ fn begin(args: &Request) {
         return;
     }
     interrupt::listen();
+    if !HAS_THREADS {
+        return;
+    }
     // Fails if it was done before, as in tests of one process.
     let _ = rayon::ThreadPoolBuilder::new().num_threads(args.threads).build_global();
 }

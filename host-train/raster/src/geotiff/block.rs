@@ -6,8 +6,17 @@ use std::io::Result;
 use tiff::encoder::compression::{CompressionAlgorithm, Deflate, Lzw};
 use tiff::tags::{CompressionMethod, Predictor};
 
-/// GDAL's default level.
-const ZSTD_LEVEL: i32 = 9;
+/// Compresses with GDAL's default level.
+#[cfg(not(target_family = "wasm"))]
+fn zstd(bytes: &[u8]) -> Result<Vec<u8>> {
+    zstd::bulk::compress(bytes, 9)
+}
+
+/// Zstandard is C, which is not compiled for WebAssembly.
+#[cfg(target_family = "wasm")]
+fn zstd(_: &[u8]) -> Result<Vec<u8>> {
+    Err(std::io::ErrorKind::Unsupported.into())
+}
 
 /// Encoding of samples.
 #[derive(Debug, Clone, Copy)]
@@ -56,7 +65,7 @@ impl Coding {
             Compression::None => return Ok(bytes),
             Compression::Lzw => Lzw.write_to(&mut packed, &bytes)?,
             Compression::Deflate => Deflate::default().write_to(&mut packed, &bytes)?,
-            Compression::Zstd => return zstd::bulk::compress(&bytes, ZSTD_LEVEL),
+            Compression::Zstd => return zstd(&bytes),
         };
         Ok(packed)
     }

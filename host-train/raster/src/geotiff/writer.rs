@@ -152,7 +152,7 @@ impl Writer {
         self.spill.flush()?;
         let mut out = BufWriter::with_capacity(1 << 20, file);
         out.write_all(&self.head())?;
-        let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref().try_clone()?);
+        let mut spill = BufReader::with_capacity(1 << 20, self.spill.get_ref());
         // The smallest overview comes first, so that a preview of the file reads little.
         for level in (0..self.bands[0].len()).rev() {
             for &(at, length) in self.bands.iter().flat_map(|levels| &levels[level].blocks) {

@@ -86,7 +86,9 @@ impl ErrorsWriter {
 /// Returns the standard deviations of a row's heights with that of the coarse DTM's own, metres, and the origins of the heights, from the expected
 /// errors of the heights, the share that the image explains, and darkness.
 pub(super) fn of_row([heights_m, explained, dark]: [&[f32]; 3], coarse_sigma_m: f32) -> (Vec<f32>, Vec<Origin>) {
-    let with_coarse = heights_m.iter().map(|sd| sd.hypot(coarse_sigma_m)).collect();
+    // In steps that every machine rounds alike; `hypot` is the platform's.
+    let square = |v: f32| f64::from(v) * f64::from(v);
+    let with_coarse = heights_m.iter().map(|sd| (square(*sd) + square(coarse_sigma_m)).sqrt() as f32).collect();
     (with_coarse, explained.iter().zip(dark).map(|(e, d)| Origin::of(*e, *d)).collect())
 }
 

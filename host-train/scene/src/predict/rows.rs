@@ -106,7 +106,7 @@ impl RowsWriter {
     fn write(&mut self) -> Result<()> {
         let bytes: Vec<u8> = self.waiting.iter().flat_map(|v| v.to_le_bytes()).collect();
         let mut pack = || -> std::io::Result<()> {
-            let packed = zstd::bulk::compress(&bytes, 1)?;
+            let packed = packing::pack(&bytes)?;
             let mut out = BufWriter::new(self.file.file());
             out.write_all(&(packed.len() as u32).to_le_bytes())?;
             out.write_all(&packed)?;
@@ -169,8 +169,35 @@ impl RowsReader {
         if self.file.by_ref().take(length).read_to_end(&mut packed)? as u64 != length {
             return Err(std::io::ErrorKind::UnexpectedEof.into());
         }
-        let found = zstd::bulk::decompress(&packed, bytes)?;
+        let found = packing::unpack(&packed, bytes)?;
         if found.len() == bytes { Ok(found) } else { Err(std::io::ErrorKind::InvalidData.into()) }
+    }
+}
+
+#[cfg(not(target_family = "wasm"))]
+mod packing {
+    use std::io::Result;
+
+    pub(super) fn pack(bytes: &[u8]) -> Result<Vec<u8>> {
+        zstd::bulk::compress(bytes, 1)
+    }
+
+    pub(super) fn unpack(packed: &[u8], bytes: usize) -> Result<Vec<u8>> {
+        zstd::bulk::decompress(packed, bytes)
+    }
+}
+
+/// Zstandard is C, which is not compiled for WebAssembly. No part is made there.
+#[cfg(target_family = "wasm")]
+mod packing {
+    use std::io::{ErrorKind, Result};
+
+    pub(super) fn pack(_: &[u8]) -> Result<Vec<u8>> {
+        Err(ErrorKind::Unsupported.into())
+    }
+
+    pub(super) fn unpack(_: &[u8], _: usize) -> Result<Vec<u8>> {
+        Err(ErrorKind::Unsupported.into())
     }
 }
 

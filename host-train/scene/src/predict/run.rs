@@ -6,7 +6,7 @@ use super::scene::{Band, Scene};
 use super::span::Span;
 use super::tile::{Rules, TileOutcome, TileResult, TileWorker};
 use crate::mosaic::Mosaic;
-use elunar_base::{Error, Result};
+use elunar_base::{Error, HAS_THREADS, Result};
 use elunar_core::tile::{INFERENCE_OVERLAP_PX, Shape, TILE_ROWS, Tiling, Window};
 use elunar_net::illumination::{KnownSun, Lighting};
 use elunar_net::sun::check_sun;
@@ -58,7 +58,7 @@ impl PredictOptions {
     /// # Errors
     /// [`Error::Usage`] if the overlap does not fit the tile.
     pub fn tiling(&self, scene: &Scene, tile: Shape) -> Result<Tiling> {
-        Cut { tile, overlap_px: self.overlap_px, threads: 1, layers: 1 }.tiling(scene)
+        Cut::new(tile, self.overlap_px, 1, 1).tiling(scene)
     }
 
     /// Returns the overlap for tiles of this shape: 100 px as in the paper ("padding (100 pixels)", Sec. V-B). For tiles smaller than the
@@ -162,8 +162,7 @@ pub fn predict_span(
     let makers = || -> Result<Box<dyn TileMaker + '_>> {
         Ok(Box::new(TileWorker::new(model.worker()?, model.tile(), rules.clone())))
     };
-    let cut =
-        Cut { tile: model.tile(), overlap_px: options.overlap_px, threads: options.threads, layers: options.layers() };
+    let cut = Cut::new(model.tile(), options.overlap_px, options.threads, options.layers());
     Ok(Tally { light: whole, change, ..make_rows(scene, cut, &makers, span, keep, progress)? })
 }
 
@@ -178,9 +177,15 @@ pub(crate) struct Cut {
     pub(crate) threads: usize,
     /// Number of maps of a tile.
     pub(crate) layers: usize,
+    /// Whether this thread makes all tiles.
+    pub(super) alone: bool,
 }
 
 impl Cut {
+    pub(crate) fn new(tile: Shape, overlap_px: usize, threads: usize, layers: usize) -> Self {
+        Self { tile, overlap_px, threads, layers, alone: !HAS_THREADS }
+    }
+
     /// Returns the tiles of a scene.
     ///
     /// # Errors
@@ -234,29 +239,59 @@ pub(crate) fn make_rows<'a>(
     let mosaics = (0..cut.layers).map(|_| Mosaic::from_row(span.from, span.rows.end, scene.cols)).collect();
     let tally = Tally { tiles: last - before, tiles_before: first - before, ..Tally::default() };
     let own_from = span.rows.start;
-    let mut sink = Sink { mosaics, cols: scene.cols, tiling, own_from, keep, tally };
+    let mut sink = Sink { mosaics, scene, tiling, own_from, keep, tally };
+    if cut.alone {
+        one_by_one(makers, (before, first..last), &mut sink, progress)?;
+    } else {
+        with_threads(threads, makers, (before, first..last), &mut sink, progress)?;
+    }
+    if span.from == 0 && span.rows.end == scene.rows && sink.tally.tiles_empty == sink.tally.tiles {
+        return Err(scene.nothing_valid());
+    }
+    sink.finish()
+}
+
+/// Makes the tiles of a sink on this thread.
+fn one_by_one<'a>(
+    makers: &'a Makers<'a>,
+    (before, tiles): (usize, Range<usize>),
+    sink: &mut Sink,
+    progress: TileProgress,
+) -> Result<()> {
+    let mut maker = makers()?;
+    let mut cut = cut_tiles(sink.scene, sink.tiling, tiles.clone());
+    let mut next = || cut.next().map(|(index, window, band)| (index, band.and_then(|band| maker.make(&band, window))));
+    sink.collect((before, tiles), &mut next, progress)
+}
+
+/// Makes the tiles of a sink on several threads, beside one that reads the scene.
+fn with_threads<'a>(
+    threads: usize,
+    makers: &'a Makers<'a>,
+    (before, tiles): (usize, Range<usize>),
+    sink: &mut Sink,
+    progress: TileProgress,
+) -> Result<()> {
+    let (scene, tiling) = (sink.scene, sink.tiling);
     let stopped = AtomicBool::new(false);
     std::thread::scope(|scope| {
         let (give, take) = sync_channel(2 * threads);
         let (send, receive) = sync_channel(2 * threads);
         let take = Arc::new(Mutex::new(take));
-        for _ in 0..threads.min(last - first) {
+        for _ in 0..threads.min(tiles.len()) {
             let (take, send, stopped) = (take.clone(), send.clone(), &stopped);
             scope.spawn(move || work(makers, &take, stopped, &send));
         }
         // The channel closes with the last worker, so that the reader does not block.
         drop(take);
-        scope.spawn(move || read(scene, tiling, first..last, &give, &send));
-        let joined = sink.collect((before, first..last), &receive, progress);
+        let wanted = tiles.clone();
+        scope.spawn(move || read(scene, tiling, wanted, &give, &send));
+        let joined = sink.collect((before, tiles), &mut || receive.recv().ok(), progress);
         stopped.store(true, Ordering::Relaxed);
         // A worker may wait for room in the channel. It must notice that the receiver is gone.
         drop(receive);
         joined
-    })?;
-    if span.from == 0 && span.rows.end == scene.rows && sink.tally.tiles_empty == sink.tally.tiles {
-        return Err(scene.nothing_valid());
-    }
-    sink.finish()
+    })
 }
 
 /// A tile to be made: its number, its window, and the band that holds its rows.
@@ -266,24 +301,36 @@ type Made = (usize, Result<TileOutcome>);
 
 /// Reads the scene band by band and sends its tiles in reading order.
 fn read(scene: &Scene, tiling: Tiling, tiles: Range<usize>, give: &SyncSender<Job>, send: &SyncSender<Made>) {
-    let mut band: Option<Arc<Band>> = None;
-    for (index, window) in tiling.iter().enumerate().take(tiles.end).skip(tiles.start) {
-        let current = match band.take().filter(|band| band.first == window.row) {
-            Some(band) => band,
-            None => match scene.band(window.row, window.rows.min(scene.rows - window.row)) {
-                Ok(band) => Arc::new(band),
-                Err(error) => {
-                    // Sending fails only if the run has ended for another reason.
-                    let _ = send.send((index, Err(error)));
-                    return;
-                }
-            },
+    for (index, window, band) in cut_tiles(scene, tiling, tiles) {
+        let is_taken = match band {
+            Ok(band) => give.send((index, window, band)).is_ok(),
+            Err(error) => {
+                // Sending fails only if the run has ended for another reason.
+                let _ = send.send((index, Err(error)));
+                false
+            }
         };
-        if give.send((index, window, current.clone())).is_err() {
+        if !is_taken {
             return;
         }
-        band = Some(current);
     }
+}
+
+/// Returns tiles in reading order, each with the band that holds its rows.
+fn cut_tiles(
+    scene: &Scene,
+    tiling: Tiling,
+    tiles: Range<usize>,
+) -> impl Iterator<Item = (usize, Window, Result<Arc<Band>>)> {
+    let mut band: Option<Arc<Band>> = None;
+    tiling.iter().enumerate().take(tiles.end).skip(tiles.start).map(move |(index, window)| {
+        let current = match band.take().filter(|band| band.first == window.row) {
+            Some(band) => Ok(band),
+            None => scene.band(window.row, window.rows.min(scene.rows - window.row)).map(Arc::new),
+        };
+        band = current.as_ref().ok().cloned();
+        (index, window, current)
+    })
 }
 
 /// Makes tiles on one thread until none is left.
@@ -311,7 +358,7 @@ fn work<'a>(makers: &'a Makers<'a>, take: &Mutex<Receiver<Job>>, stopped: &Atomi
 struct Sink<'a> {
     /// One for each map.
     mosaics: Vec<Mosaic>,
-    cols: usize,
+    scene: &'a Scene,
     tiling: Tiling,
     /// Tiles above this row belong to another part, which counts them.
     own_from: usize,
@@ -323,7 +370,7 @@ impl Sink<'_> {
     fn collect(
         &mut self,
         (before, tiles): (usize, Range<usize>),
-        receive: &Receiver<Made>,
+        next: &mut dyn FnMut() -> Option<Made>,
         progress: TileProgress,
     ) -> Result<()> {
         let mut waiting = BTreeMap::new();
@@ -333,7 +380,7 @@ impl Sink<'_> {
             if progress(made, asked).is_break() {
                 return Err(Error::stopped(format!("stopped after {made} of {asked} tiles")));
             }
-            let Ok((index, outcome)) = receive.recv() else {
+            let Some((index, outcome)) = next() else {
                 return Err(Error::input(format!("{made} of {asked} tiles were predicted before the threads ended")));
             };
             waiting.insert(index, outcome?);
@@ -365,13 +412,13 @@ impl Sink<'_> {
             mosaic.add(window.row, window.col, window.cols, map, &weights)?;
         }
         let finished = self.mosaics.iter_mut().map(Mosaic::take_finished).collect();
-        let rows = interleaved(finished, self.cols);
+        let rows = interleaved(finished, self.scene.cols);
         if rows.is_empty() { Ok(()) } else { (self.keep)(&rows) }
     }
 
     fn finish(self) -> Result<Tally> {
         let rest = self.mosaics.into_iter().map(Mosaic::finish).collect();
-        (self.keep)(&interleaved(rest, self.cols))?;
+        (self.keep)(&interleaved(rest, self.scene.cols))?;
         Ok(self.tally)
     }
 }

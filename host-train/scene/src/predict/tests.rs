@@ -1,6 +1,9 @@
 //! Networks with known output, on scenes with every kind of edge.
 
 use super::network::{TileModel, TileNetwork};
+use super::run::{Cut, TileMaker, make_rows};
+use super::span::Span;
+use super::tile::{Rules, TileWorker};
 use super::*;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
@@ -242,6 +245,32 @@ fn threads_do_not_change_a_bit() {
         let many = predict(&scene, &model, &options(30, threads), &mut silent).unwrap();
         assert!(one.dtm.samples.iter().zip(&many.dtm.samples).all(|(a, b)| a.to_bits() == b.to_bits()), "{threads}");
     }
+}
+
+#[test]
+fn without_threads_the_rows_are_the_same() {
+    let scene = scene(&image(300, 330), &coarse());
+    let (model, options) = (Identity::new(TILE, 0.1), options(30, 2));
+    let light = || scene.light_for(Illumination::Any, options.sun).unwrap();
+    let rules = Rules::new(&model, light(), &scene, &options);
+    let makers = || -> Result<Box<dyn TileMaker + '_>> {
+        Ok(Box::new(TileWorker::new(model.worker()?, model.tile(), rules.clone())))
+    };
+    let span = Span { rows: 0..300, from: 0 };
+    let (mut rows, mut seen) = (vec![], 0);
+    let mut keep = |more: &[f32]| {
+        rows.extend_from_slice(more);
+        Ok(())
+    };
+    let mut count = |done: usize, _: usize| {
+        seen = done;
+        ControlFlow::Continue(())
+    };
+    let alone = Cut { alone: true, ..Cut::new(TILE, 30, 2, 1) };
+    let tally = make_rows(&scene, alone, &makers, &span, &mut keep, &mut count).unwrap();
+    let expected = predict(&scene, &model, &options, &mut silent).unwrap();
+    assert!(rows.iter().zip(&expected.dtm.samples).all(|(a, b)| a.to_bits() == b.to_bits()));
+    assert_eq!((rows.len(), seen, tally.tiles), (300 * 330, tally.tiles, expected.tally.tiles));
 }
 
 #[test]

@@ -49,6 +49,6 @@ pub fn solve_rows(
         Ok(Box::new(tile::Solver::new(*settings, Shape::new(scene.rows, scene.cols), pixel_m, journal)?))
     };
     let tile = Shape::new(settings.tile.0, settings.tile.1);
-    let cut = Cut { tile, overlap_px: settings.overlap_px, threads: settings.threads, layers: 1 };
+    let cut = Cut::new(tile, settings.overlap_px, settings.threads, 1);
     make_rows(scene, cut, &makers, &Span { rows: 0..scene.rows, from }, keep, progress)
 }

@@ -1,0 +1,203 @@
+#!/usr/bin/env node
+// Checks the page in Chromium against the program on this machine.
+//
+//   page.mjs PAGE ELUNAR ELUNAR_WEB [PICTURES]      folder of the page (host-train/web/build.sh), the two native programs, folder for screenshots
+import assert from "node:assert/strict";
+import { execFileSync } from "node:child_process";
+import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
+import { tmpdir } from "node:os";
+import { join } from "node:path";
+import { between, parse } from "../page/maps.js";
+import { chromium } from "./chromium.mjs";
+import { serve } from "./server.mjs";
+
+const [page, elunar, web, pictures = join(page, "../page-pictures")] = process.argv.slice(2);
+const MOST = { program_bytes: 1e6, page_bytes: 7e6, example_bytes: 3e5 };
+const work = mkdtempSync(join(tmpdir(), "elunar-page-test-"));
+mkdirSync(pictures, { recursive: true });
+const server = await serve(page);
+const browser = await chromium(process.env.CHROMIUM ?? "chromium");
+
+/** Opens the page and watches it: no request leaves it, nothing goes wrong in it. */
+async function open(search, size) {
+  const faults = [];
+  const opened = await browser.open(`${server.origin}/${search}`, size, ({ method, params }) => {
+    if (method === "Network.requestWillBeSent" && !/^(blob|data):/.test(params.request.url) && !params.request.url.startsWith(server.origin + "/")) {
+      faults.push(`a request to ${params.request.url}`);
+    }
+    if (method === "Network.loadingFailed" && !params.canceled) faults.push(`loading: ${params.errorText}`);
+    if (method === "Runtime.exceptionThrown") faults.push(params.exceptionDetails.exception?.description ?? params.exceptionDetails.text);
+    if (method === "Runtime.consoleAPICalled" && ["error", "warning"].includes(params.type)) faults.push(JSON.stringify(params.args));
+    if (method === "Log.entryAdded" && params.entry.level === "error") faults.push(params.entry.text);
+  });
+  await opened.until("document.readyState === 'complete' && document.getElementById('image-sun').ariaValueNow !== null", 30);
+  return { ...opened, faults };
+}
+
+const click = (id) => `document.getElementById(${JSON.stringify(id)}).click()`;
+const set = (id, value) =>
+  `(() => { const e = document.getElementById(${JSON.stringify(id)}); e.type === "checkbox" ? (e.checked = ${value}) : (e.value = ${value}); e.dispatchEvent(new Event("input")); })()`;
+const done = "document.getElementById('status').textContent.startsWith('done')";
+const base64 = async (page, name) => Buffer.from(await page.evaluate(`(async () => {
+  const bytes = new Uint8Array(await (await fetch(document.querySelector('a[download="${name}"]').href)).arrayBuffer());
+  let text = ""; for (let i = 0; i < bytes.length; i += 32768) text += String.fromCharCode(...bytes.subarray(i, i + 32768));
+  return btoa(text); })()`), "base64");
+
+/** Runs the command that the page shows, on this machine; returns the folder with its files. */
+async function natively(opened) {
+  for (const name of ["example_image.tif", "example_coarse.tif", "nano.eld"]) copyFileSync(join(page, name), join(work, name));
+  const words = (await opened.evaluate("document.getElementById('command').textContent")).split(" ").slice(1);
+  execFileSync(elunar, words, { cwd: work, stdio: "pipe" });
+  return words;
+}
+
+/** Compares the canvas, one pixel of the DTM each, with `elunar hillshade`. Returns the mean difference in grey values. */
+async function shadeDifference(opened, azimuth, elevation) {
+  const shade = join(work, "shade.png");
+  execFileSync(elunar, ["hillshade", "dtm.tif", "-o", shade, "--azimuth", `${azimuth}`, "--altitude", `${elevation}`], { cwd: work, stdio: "pipe" });
+  for (const [id, value] of [["divide", 0], ["tint", false], ["hazards", false], ["tilt", 0], ["turn", 0], ["exaggeration", 1], ["azimuth", azimuth], ["elevation", elevation]]) {
+    await opened.evaluate(set(id, value));
+  }
+  return opened.evaluate(`(async () => {
+    const bytes = Uint8Array.from(atob("${readFileSync(shade).toString("base64")}"), (c) => c.charCodeAt(0));
+    const truth = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
+    const grey = (picture, cols, rows) => {
+      const context = new OffscreenCanvas(cols, rows).getContext("2d", { willReadFrequently: true });
+      context.drawImage(picture, 0, 0);
+      return context.getImageData(0, 0, cols, rows).data;
+    };
+    const canvas = document.getElementById("relief");
+    const [cols, rows] = [truth.width, truth.height];
+    const factor = canvas.width / cols;
+    const [expected, found] = [grey(truth, cols, rows), grey(canvas, canvas.width, canvas.height)];
+    let [sum, count] = [0, 0];
+    for (let row = 2; row < rows - 2; row++) for (let col = 2; col < cols - 2; col++) {
+      const e = expected[4 * (row * cols + col)];
+      if (e === 0) continue;
+      // The mean over the pixels of the canvas that one pixel of the DTM covers.
+      let f = 0;
+      for (let r = 0; r < factor; r++) for (let c = 0; c < factor; c++) f += found[4 * ((row * factor + r) * canvas.width + col * factor + c)];
+      sum += Math.abs(f / factor ** 2 - e);
+      count++;
+    }
+    return count > cols * rows / 2 ? sum / count : NaN;
+  })()`);
+}
+
+/** The whole way with the example. */
+async function example(opened) {
+  const start = Date.now();
+  await opened.evaluate(click("example"));
+  await opened.until(done);
+  const seconds = (Date.now() - start) / 1000;
+  const words = await natively(opened);
+  for (const name of ["dtm.tif", "errors.tif", "dtm_hillshade.png"]) {
+    assert.ok((await base64(opened, name)).equals(readFileSync(join(work, name))), `${name}: the bytes of \`elunar predict\` expected`);
+  }
+  const shades = [];
+  for (const [azimuth, elevation] of [[315, 45], [90, 20], [200, 60]]) shades.push(await shadeDifference(opened, azimuth, elevation));
+  shades.forEach((difference) => assert.ok(difference < 3, `the relief expected as the hillshade, found ${difference} grey values apart`));
+  return { seconds, words, shades };
+}
+
+/** The profile by two clicks. Returns its number of points. */
+async function profile(opened, words) {
+  const inputs = words.slice(1, words.indexOf("--model"));
+  execFileSync(web, ["view", ...inputs, "--dtm", "dtm.tif", "--uncertainty", "errors.tif", "-o", "maps.bin"], { cwd: work, stdio: "pipe" });
+  const maps = parse(new Uint8Array(readFileSync(join(work, "maps.bin"))));
+  const box = await opened.evaluate("(({ x, y, width, height }) => ({ x, y, width, height }))((document.getElementById('relief').scrollIntoView(), document.getElementById('relief').getBoundingClientRect()))");
+  for (const [x, y] of [[0.2, 0.3], [0.7, 0.8]]) {
+    const at = { x: box.x + x * box.width, y: box.y + y * box.height, button: "left", clickCount: 1 };
+    await opened.call("Input.dispatchMouseEvent", { ...at, type: "mousePressed" });
+    await opened.call("Input.dispatchMouseEvent", { ...at, type: "mouseReleased" });
+  }
+  const points = await opened.until("(p => p.length > 20 && Math.abs(p[0].col / p.at(-1).col - 0.2 / 0.7) < 0.02 && p)(document.getElementById('profile').profile)", 10);
+  for (const { col, row, height, sigma, coarse } of points) {
+    for (const [found, map] of [[height, maps.heights], [sigma, maps.sigma], [coarse, maps.coarse]]) {
+      const expected = between(map, maps.cols, maps.rows, col, row);
+      assert.ok(Object.is(found, expected) || Math.abs(found - expected) < 1e-6 * Math.max(1, Math.abs(expected)), `${found} at ${col}, ${row}: ${expected} expected`);
+    }
+  }
+  return points.length;
+}
+
+/** The profile by keys. */
+async function keys(opened) {
+  const key = (name) => opened.call("Input.dispatchKeyEvent", { type: "keyDown", key: name });
+  await opened.evaluate("document.getElementById('relief').focus()");
+  for (const name of ["ArrowUp", "Enter", "ArrowLeft", "ArrowLeft", "Enter"]) await key(name);
+  await opened.until("(p => p[0].col - p.at(-1).col > 1 && p[0].row === p.at(-1).row)(document.getElementById('profile').profile)", 10);
+}
+
+/** Errors are words; a job can be stopped. */
+async function refusals(opened) {
+  const broken = join(work, "broken.tif");
+  writeFileSync(broken, "no raster");
+  const { root } = await opened.call("DOM.getDocument");
+  const { nodeId } = await opened.call("DOM.querySelector", { nodeId: root.nodeId, selector: "#coarse" });
+  await opened.call("DOM.setFileInputFiles", { nodeId, files: [broken] });
+  await opened.until("document.querySelector('#drop-coarse output').textContent.includes('broken.tif')");
+  await opened.evaluate(click("predict"));
+  const said = await opened.until("document.getElementById('errors').textContent");
+  assert.match(said, /broken\.tif/);
+  await opened.evaluate(click("example"));
+  await opened.until("!document.getElementById('cancel').disabled");
+  await opened.evaluate(click("cancel"));
+  await opened.until("document.getElementById('errors').textContent.startsWith('Stopped')", 10);
+  await opened.until("!document.getElementById('example').disabled", 10);
+}
+
+/** Nothing is wider than the page. */
+async function fits(opened, width) {
+  const found = await opened.evaluate("document.scrollingElement.scrollWidth");
+  assert.ok(found <= width, `a page of ${width} px expected, ${found} found`);
+}
+
+async function pictureOf(opened, name) {
+  for (const [id, value] of [["divide", 0.5], ["tint", true], ["azimuth", 125], ["elevation", 28]]) await opened.evaluate(set(id, value));
+  writeFileSync(join(pictures, name), await opened.picture());
+}
+
+const figures = {};
+try {
+  const wide = { width: 1280, height: 900 };
+  const opened = await open("", wide);
+  const { seconds, words, shades } = await example(opened);
+  figures.example_s = seconds;
+  figures.shade_difference = shades.map((difference) => difference.toFixed(2)).join(" ");
+  figures.profile_points = await profile(opened, words);
+  await fits(opened, 1280);
+  await pictureOf(opened, "page-1280.png");
+  writeFileSync(join(pictures, "page.png"), await opened.picture(1640, 0.5)); // that of the README
+  for (const [id, value] of [["tilt", 55], ["turn", 25], ["exaggeration", 2], ["hazards", true]]) await opened.evaluate(set(id, value));
+  writeFileSync(join(pictures, "page-1280-tilted.png"), await opened.picture());
+  await keys(opened);
+  await refusals(opened);
+  assert.deepEqual(opened.faults, []);
+  await opened.close();
+
+  const narrow = await open("", { width: 390, height: 844, dark: true });
+  await narrow.evaluate(click("example"));
+  await narrow.until(done);
+  await fits(narrow, 390);
+  await pictureOf(narrow, "page-390-dark.png");
+  assert.deepEqual(narrow.faults, []);
+  await narrow.close();
+
+  const plain = await open("?canvas", wide);
+  const { shades: drawn } = await example(plain);
+  figures.shade_difference_canvas = drawn.map((difference) => difference.toFixed(2)).join(" ");
+  assert.match(await plain.evaluate("document.getElementById('view-text').textContent"), /drawn by canvas/);
+  assert.deepEqual(plain.faults, []);
+  await plain.close();
+
+  figures.page_bytes = Object.values(server.sent).reduce((sum, bytes) => sum + bytes, 0);
+  figures.program_bytes = Math.max(...["elunar.wasm.gz", "elunar-simd128.wasm.gz"].map((name) => statSync(join(page, name)).size));
+  figures.example_bytes = ["example_image.tif", "example_coarse.tif"].reduce((sum, name) => sum + statSync(join(page, name)).size, 0);
+  Object.entries(MOST).forEach(([name, most]) => assert.ok(figures[name] < most, `${name}: less than ${most} expected, ${figures[name]} found`));
+} finally {
+  await browser.close();
+  server.close();
+  rmSync(work, { recursive: true, force: true });
+}
+Object.entries(figures).forEach(([name, value]) => console.log(`${name}: ${value}`));
