@@ -120,7 +120,7 @@ mod tests {
             request: job::Request,
         }
         let of_predict = ["--model", "ground", "--uncertainty", &errors, "-o", &dtm];
-        job::run(&Predict::parse_from(inputs.iter().chain(&of_predict)).request, job::open).unwrap();
+        job::run(&Predict::parse_from(inputs.iter().chain(&of_predict)).request, None, job::open).unwrap();
         let of_view = ["--dtm", &dtm, "--uncertainty", &errors, "-o", &output];
         run(&Line::parse_from(inputs.iter().chain(&of_view)).args).unwrap();
         let bytes = std::fs::read(&output).unwrap();

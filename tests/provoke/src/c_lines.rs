@@ -171,7 +171,7 @@ fn strip_settings(reader: &mut Reader<'_>, check: *const eld_check_t) -> eld_str
         network_alone: u32::from(reader.byte()) % 2,
         expected_errors: u32::from(reader.byte()) % 2,
         post_cols: u32::from(reader.byte()) % 5,
-        reserved: u32::from(reader.byte() == 0),
+        processor_checks: u32::from(reader.byte() == 0),
         post_row0: 1.0,
         post_rows_per_line: 0.125,
         post_col0: 1.0,

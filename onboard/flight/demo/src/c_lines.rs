@@ -39,7 +39,7 @@ fn settings(info: &eld_model_info_t, check: &eld_check_t) -> eld_strip_settings_
         network_alone: 0,
         expected_errors: 1,
         post_cols: POST_COLS as u32,
-        reserved: 0,
+        processor_checks: 0,
         post_row0: 1.5,
         post_rows_per_line: 1.0 / 40.0,
         post_col0: 1.5,
