@@ -10,7 +10,7 @@ import sys
 from pages import ROOT, SUMMARY, links, pages, tracked
 
 # Pages that programs write.
-MADE = {"comparison.md", "faults.md", "profile.md", "tables.md"}
+MADE = {"comparison.md", "faults.md", "inject.md", "profile.md", "tables.md"}
 NAMED = re.compile(r"[\w./-]*\w\.md\b")
 SOURCES = {".rs", ".py", ".sh", ".toml", ".c", ".h", ".cpp", ".hpp", ".fpp", ".yml"}
 
