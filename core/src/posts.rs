@@ -88,7 +88,7 @@ impl Samples for PostMap<'_> {
 }
 
 /// Cost of an interpolation, about that of so many multiply-accumulates.
-const WORK: u64 = 300;
+pub(crate) const WORK: u64 = 300;
 
 #[cfg(test)]
 mod tests {

@@ -291,7 +291,7 @@ impl<'a, 'm> Runner<'a, 'm> {
     /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, so it exceeds the
     /// budget by less than one unit ([`Model::largest_unit`]). The work does not depend on the data. A byte that is compared or summed
     /// counts as a multiply-accumulate: the rows that a step reads belong to its first unit, the rows that it writes to its last, and the
-    /// model is compared after the last operator. A sample that is quantised counts as 50.
+    /// model is compared after the last operator. A sample of the self test that is loaded counts as 60.
     ///
     /// # Errors
     /// [`RunError::State`] if no tile was begun; [`RunError::ProgramChanged`], [`RunError::DataChanged`], [`RunError::ModelChanged`] if

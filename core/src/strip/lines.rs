@@ -181,4 +181,8 @@ impl Samples for CoarseTile<'_> {
             }
         }
     }
+
+    fn work(&self) -> u64 {
+        if let Self::Posts { .. } = self { crate::posts::WORK } else { 0 }
+    }
 }

@@ -5,7 +5,7 @@
 #   ./run.sh an547 leon3         these
 #   ./run.sh --record [BOARD..]  and write their instruction counts into instructions.csv, their limits into BOARD/budget.toml
 #   ./run.sh --operators BOARD   print what each operator costs (as CSV; steps by single units, which costs some instructions)
-#   ./run.sh --calls [BOARD..]   run tiles through the C functions; heights must be the host's, and no call longer than in calls.csv
+#   ./run.sh --calls [BOARD..]   run tiles, strips, terrain maps and slots through the C functions; heights must be the host's, and no call longer than in calls.csv
 #                                (all boards by default; with --model only the heights are compared)
 #   ./run.sh --calls --record [BOARD..]  and write calls.csv
 #   ./run.sh --model M.eld ...   another model file; its figures are not compared
