@@ -23,8 +23,12 @@ const CRATES: [&str; 13] = [
 ];
 
 /// The circles that stand, each by the folder of sources and two of its files.
-const KNOWN: [[&str; 3]; 2] =
-    [["host-train/raster/src", "binary", "source"], ["host-train/scene/src", "predict/run", "predict/scene"]];
+/// The work on slots is one state machine with a file for each kind of work.
+const KNOWN: [[&str; 3]; 3] = [
+    ["core/src", "nn/slots/boot", "nn/slots/work"],
+    ["host-train/raster/src", "binary", "source"],
+    ["host-train/scene/src", "predict/run", "predict/scene"],
+];
 
 /// A file as its modules' names joined by `/`; a folder's `mod.rs` has the folder's name, `lib.rs` has none.
 type Files = BTreeMap<String, String>;

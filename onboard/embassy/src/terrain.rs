@@ -15,7 +15,7 @@ const STEP_MACS: u64 = 1_000_000;
 
 /// What came out.
 #[derive(Debug, Clone, Copy)]
-pub struct Report {
+pub struct LineReport {
     /// Lines of heights.
     pub lines: usize,
     /// Tiles.
@@ -26,7 +26,7 @@ pub struct Report {
     pub crc: u32,
 }
 
-impl core::fmt::Display for Report {
+impl core::fmt::Display for LineReport {
     fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
         let Self { lines, tiles, lost, crc } = self;
         write!(f, "{lines} lines of {tiles} tiles, {lost} lost, heights {crc:08x}")
@@ -101,8 +101,8 @@ impl<'m> Terrain<'m> {
     }
 
     /// Returns what came out.
-    pub fn report(&self) -> Report {
+    pub fn report(&self) -> LineReport {
         let counters = self.strip.counters();
-        Report { lines: self.lines, tiles: counters.tiles, lost: counters.tiles_lost, crc: self.crc.value() }
+        LineReport { lines: self.lines, tiles: counters.tiles, lost: counters.tiles_lost, crc: self.crc.value() }
     }
 }
