@@ -132,7 +132,7 @@ page() {
     for features in "" +simd128; do
         RUSTFLAGS="${features:+-C target-feature=$features}" CARGO_TARGET_WASM32_WASIP1_RUNNER="node $PWD/host-train/web/run.mjs" \
             cargo test --locked --package elunar-core --target "$wasm" --target-dir "$target/web$features" \
-            --lib nn:: -- --skip nn::tests::whole # these read files of this machine
+            --lib nn:: -- --skip nn::tests::whole --skip a_wrong_product_ends # these read files of this machine
     done
     host-train/web/build.sh
     if ! command -v "${CHROMIUM:-chromium}" >/dev/null; then
