@@ -73,7 +73,9 @@ def test_an_exception_of_progress_stops_the_call(large):
 
 
 def test_ctrl_c_stops_the_call_and_leaves_the_handler(large):
-    handler = signal.getsignal(signal.SIGINT)
+    # A shell's background job ignores Ctrl-C, and so would Python.
+    handler = signal.default_int_handler
+    before = signal.signal(signal.SIGINT, handler)
     timer = threading.Timer(0.3, lambda: signal.raise_signal(signal.SIGINT))
     timer.start()
     with pytest.raises(KeyboardInterrupt):
@@ -81,6 +83,7 @@ def test_ctrl_c_stops_the_call_and_leaves_the_handler(large):
             Model.load("ground").predict(large.image, large.coarse, **large.place, threads=1)
     timer.join()
     assert signal.getsignal(signal.SIGINT) is handler
+    signal.signal(signal.SIGINT, before)
     assert Model.load("nano").predict(large.image[:64, :64], large.coarse, **large.place).valid.all()
 
 
