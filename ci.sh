@@ -139,8 +139,13 @@ page() {
         echo "SKIPPED: page in a browser: chromium is not here (Debian package chromium)"
         return
     fi
-    cargo build --locked --package elunar --package elunar-web
+    cargo build --locked --package elunar --package elunar-web --package host-train
     host-train/web/test/page.mjs "$target/page" "$target/debug/elunar" "$target/debug/elunar-web"
+    local made="$target/page-reports"
+    "$target/debug/host-train" demo --out "$made/tour" --steps 4 >/dev/null
+    "$target/debug/host-train" suite --suite host-train/web/test/suite.toml --out "$made/suite" >/dev/null
+    "$target/debug/host-train" report "$made/suite" -o "$made/suite.html"
+    host-train/web/test/reports.mjs "$target/page" "$target/debug/elunar" "$target/page-pictures" "$made/tour/report.html" "$made/suite.html"
 }
 
 # The whole suite twice, in random order: one test at a time, then eight at once. Shuffling is an unstable option of the test runner, which

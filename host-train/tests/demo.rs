@@ -60,26 +60,17 @@ fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() 
     // Encoded pictures may contain any letters.
     let text: String =
         page.split("data:image/png;base64,").map(|part| part.split_once('"').map_or(part, |p| p.1)).collect();
-    for unwanted in ["<script", "http", "NaN"] {
-        assert!(!text.contains(unwanted), "{unwanted}");
-    }
+    // The page loads nothing: its scripts are data and the relief's code, which names only the namespace of SVG.
+    assert_eq!((text.matches("<script").count(), text.matches("http").count()), (2, 1));
+    let (before, rest) = text.split_once("<script").unwrap();
+    let after = rest.rsplit_once("</script>").unwrap().1;
+    let words = format!("{before}{after}");
+    assert!(!words.contains(" href=") && !words.contains("NaN"));
 
     let pictures = embedded(&page);
-    let expected = [
-        "image.png",
-        "coarse_hillshade.png",
-        "dtm_untrained_hillshade.png",
-        "dtm_float_hillshade.png",
-        "dtm_int8_hillshade.png",
-        "truth_hillshade.png",
-        "error_coarse.png",
-        "error_untrained.png",
-        "error_float.png",
-        "error_int8.png",
-        "profile.png",
-        "training/curves.png",
-    ];
-    assert_eq!(pictures.len(), expected.len());
+    let expected =
+        ["error_coarse.png", "error_untrained.png", "error_float.png", "error_int8.png", "training/curves.png"];
+    assert_eq!((pictures.len(), words.matches(" src=").count()), (expected.len(), expected.len()));
     for (picture, name) in pictures.iter().zip(expected) {
         assert!(*picture == std::fs::read(out.path().join(name)).unwrap(), "{name} is not in its place");
         assert!(image::load_from_memory(picture).is_ok(), "{name}");

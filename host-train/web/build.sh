@@ -16,5 +16,5 @@ for features in "" +simd128; do
         --target-dir "$target/web$features"
     gzip -9 -n -c "$target/web$features/$wasm/web/elunar-web.wasm" > "$page/elunar${features/+/-}.wasm.gz"
 done
-cp host-train/web/page/* host-train/web/example/*.tif host-train/models/nano.eld host-train/elunar/src/style.css "$page"
+cp host-train/web/page/* host-train/web/example/*.tif host-train/models/nano.eld host-train/elunar/src/html/*.{js,css} "$page"
 echo "$page: $(du -sh --apparent-size "$page" | cut -f1), of it $(stat -c %s "$page/elunar-simd128.wasm.gz") bytes of program"

@@ -5,7 +5,7 @@ use super::scores::{Band, Scores, TakeBand, scored};
 use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
-use elunar_picture::ErrorMap;
+use elunar_picture::{ErrorLimits, ErrorMap};
 use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::source::Source;
 use image::RgbImage;
@@ -273,7 +273,7 @@ impl View<'_> {
     /// [`Error::Usage`] if the scene is too large for a picture. Errors of reading are passed on.
     pub fn error_map(&self) -> Result<RgbImage> {
         let (rows, cols) = self.maps.size();
-        let mut picture = ErrorMap::new(rows, cols)?;
+        let mut picture = ErrorMap::new(rows, cols, ErrorLimits::PAPER)?;
         self.each_band(&mut |band| {
             let [Some(truth), Some(dtm)] = [band.maps.first(), band.maps.get(1)] else {
                 return Err(Error::input("evaluate: a DTM expected, none found"));
@@ -356,7 +356,8 @@ mod tests {
                 assert_eq!(view.scores().unwrap(), expected, "{resolution_m:?} {is_kept}");
                 assert_eq!(view.spectra().unwrap(), spectra, "{resolution_m:?} {is_kept}");
                 let errors = &whole.scored[0].error_m;
-                let picture = elunar_picture::error_map(&errors.samples, errors.rows, errors.cols).unwrap();
+                let picture =
+                    elunar_picture::error_map(&errors.samples, errors.rows, errors.cols, ErrorLimits::PAPER).unwrap();
                 assert_eq!(view.error_map().unwrap(), picture);
             }
         }

@@ -5,8 +5,10 @@ use super::font::FONT;
 use super::write_png;
 use elunar_base::{Error, Result};
 use image::RgbImage;
+use plotters::coord::Shift;
 use plotters::coord::ranged1d::ValueFormatter;
 use plotters::prelude::*;
+use plotters::style::text_anchor::{HPos, Pos, VPos};
 use std::ops::Range;
 use std::path::Path;
 
@@ -89,19 +91,17 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
     let mut pixels = RgbImage::new(SIZE_PX.0, SIZE_PX.1);
     let drawn = {
         let area = Canvas::new(&mut pixels).into_drawing_area();
-        let mut builder = ChartBuilder::on(&area);
-        builder
-            .caption(chart.title, (FONT, 20))
-            .margin(10)
-            .margin_right(28)
-            .x_label_area_size(44)
-            .y_label_area_size(64);
-        area.fill(&WHITE).map_err(|e| e.to_string()).and_then(|()| {
+        let text = |e: DrawingAreaErrorKind<_>| e.to_string();
+        area.fill(&WHITE).map_err(text).and_then(|()| {
+            let (places, head_px) = legend(&area, &series).map_err(text)?;
+            let (head, body) = area.split_vertically(head_px);
+            draw_head(&head, chart.title, &series, &places).map_err(text)?;
+            let mut builder = ChartBuilder::on(&body);
+            builder.margin(10).margin_right(28).x_label_area_size(44).y_label_area_size(64);
             let margin = 0.05 * (y.end - y.start).max(1e-9 * y.end.abs()).max(f64::MIN_POSITIVE);
             let wide = y.start / 1.1..y.end * 1.1;
             let is_log_y = chart.log_y && wide.start.log10().floor() < wide.end.log10().floor();
             let (log_y, y) = (wide.log_scale(), y.start - margin..y.end + margin);
-            let text = |e: DrawingAreaErrorKind<_>| e.to_string();
             match (log_x, is_log_y) {
                 (false, false) => fill(builder.build_cartesian_2d(x, y).map_err(text)?, chart, &series, log_x),
                 (false, true) => fill(builder.build_cartesian_2d(x, log_y).map_err(text)?, chart, &series, log_x),
@@ -118,7 +118,7 @@ fn draw(chart: &Chart, series: &[Series], log_x: bool) -> Result<RgbImage> {
     Ok(pixels)
 }
 
-/// Draws axes, curves and legend.
+/// Draws axes and curves.
 fn fill<'a, X, Y>(
     mut context: ChartContext<'a, Canvas<'a>, Cartesian2d<X, Y>>,
     chart: &Chart,
@@ -139,61 +139,64 @@ where
     for (k, one) in series.iter().enumerate() {
         let style = COLOURS[k % COLOURS.len()].stroke_width(2);
         let line = LineSeries::new(one.points.iter().copied(), style);
-        let drawn = context.draw_series(line).map_err(|e| text(&e))?;
-        drawn.label(&one.name).legend(move |(x, y)| PathElement::new([(x, y), (x + 18, y)], style));
+        context.draw_series(line).map_err(|e| text(&e))?;
         if let [alone] = one.points[..] {
             let dot = Circle::new(alone, 4, style.filled());
             context.draw_series([dot]).map_err(|e| text(&e))?;
         }
     }
-    context
-        .configure_series_labels()
-        .position(legend(series, |x| if log_x { x.ln() } else { x }, |y| if chart.log_y { y.ln() } else { y }))
-        .background_style(WHITE.mix(0.85))
-        .border_style(BLACK.mix(0.3))
-        .label_font((FONT, 14))
-        .draw()
-        .map_err(|e| text(&e))
+    Ok(())
+}
+
+type Failure<'a> = DrawingAreaErrorKind<<Canvas<'a> as DrawingBackend>::ErrorType>;
+
+/// Height of the title, and of a line of the legend below it, pixels.
+const HEAD_PX: (u32, u32) = (36, 20);
+/// Length of a curve's sample in the legend, and the gaps behind it and behind its name, pixels.
+const SAMPLE_PX: (i32, i32, i32) = (18, 6, 22);
+
+/// Returns the place of every curve in the legend, which stands above the chart so that it covers nothing, and the height of title and legend,
+/// pixels.
+fn legend<'a>(
+    area: &DrawingArea<Canvas<'a>, Shift>,
+    series: &[Series],
+) -> std::result::Result<(Vec<(i32, i32)>, u32), Failure<'a>> {
+    let style = (FONT, 14).into_text_style(area);
+    let (first, line_px) = (64, HEAD_PX.1 as i32);
+    let (mut col, mut row, mut places) = (first, HEAD_PX.0 as i32 + line_px / 2, vec![]);
+    for one in series {
+        let width = area.estimate_text_size(&one.name, &style)?.0 as i32 + SAMPLE_PX.0 + SAMPLE_PX.1;
+        if col > first && col + width > SIZE_PX.0 as i32 - 20 {
+            (col, row) = (first, row + line_px);
+        }
+        places.push((col, row));
+        col += width + SAMPLE_PX.2;
+    }
+    Ok((places, (row + line_px / 2).unsigned_abs()))
+}
+
+/// Draws title and legend.
+fn draw_head<'a>(
+    head: &DrawingArea<Canvas<'a>, Shift>,
+    title: &str,
+    series: &[Series],
+    places: &[(i32, i32)],
+) -> std::result::Result<(), Failure<'a>> {
+    let middle = Pos::new(HPos::Center, VPos::Center);
+    head.draw_text(title, &(FONT, 20).into_text_style(head).pos(middle), (SIZE_PX.0 as i32 / 2, HEAD_PX.0 as i32 / 2))?;
+    let level = (FONT, 14).into_text_style(head).pos(Pos::new(HPos::Left, VPos::Center));
+    for (k, (one, (col, row))) in series.iter().zip(places).enumerate() {
+        let style = COLOURS[k % COLOURS.len()].stroke_width(2);
+        head.draw(&PathElement::new([(*col, *row), (col + SAMPLE_PX.0, *row)], style))?;
+        head.draw_text(&one.name, &level, (col + SAMPLE_PX.0 + SAMPLE_PX.1, *row))?;
+    }
+    Ok(())
 }
 
 /// Returns a number of a logarithmic axis as text if its first digit is 1, 2 or 5; others would crowd.
 fn round_number(value: &f64) -> String {
     let digit = value / 10.0_f64.powf(value.log10().floor());
     if [1.0, 2.0, 5.0, 10.0].iter().any(|d| (digit - d).abs() < 1e-6) { format!("{value}") } else { String::new() }
-}
-
-/// Returns the corner with the least of the curves, the upper right one if several have as little.
-fn legend(series: &[Series], x: impl Fn(f64) -> f64, y: impl Fn(f64) -> f64) -> SeriesLabelPosition {
-    /// Points on every piece of a curve.
-    const STEPS: u32 = 8;
-    let point = |p: &(f64, f64)| (x(p.0), y(p.1));
-    let points = || series.iter().flat_map(|s| s.points.iter().map(point));
-    let (Some(across), Some(up)) = (range(points().map(|p| p.0)), range(points().map(|p| p.1))) else {
-        return SeriesLabelPosition::UpperRight;
-    };
-    let corners = [
-        (SeriesLabelPosition::UpperRight, (true, true)),
-        (SeriesLabelPosition::UpperLeft, (false, true)),
-        (SeriesLabelPosition::LowerRight, (true, false)),
-        (SeriesLabelPosition::LowerLeft, (false, false)),
-    ];
-    let mut counts = [0.0; 4];
-    for pair in series.iter().flat_map(|s| s.points.windows(2)) {
-        let ((x0, y0), (x1, y1)) = (point(&pair[0]), point(&pair[1]));
-        for k in 0..STEPS {
-            let along = f64::from(k) / f64::from(STEPS);
-            let u = (x0 + along * (x1 - x0) - across.start) / (across.end - across.start);
-            let v = (y0 + along * (y1 - y0) - up.start) / (up.end - up.start);
-            for ((_, (right, upper)), count) in corners.iter().zip(&mut counts) {
-                let (beside, level) =
-                    (if *right { u > 0.65 } else { u < 0.35 }, if *upper { v > 0.6 } else { v < 0.4 });
-                let inside = beside && level;
-                *count += if inside { (x1 - x0).abs() } else { 0.0 };
-            }
-        }
-    }
-    let best = (1..4).fold(0, |best, k| if counts[k] < counts[best] { k } else { best });
-    corners[best].0.clone()
 }
 
 /// Returns the smallest and largest value. A single value gets a small margin. `None` without values.
@@ -211,15 +214,17 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_legend_keeps_away_from_the_curves_and_logarithms_have_round_numbers() {
-        let corner = |points: &[(f64, f64)]| {
-            let series = [Series { name: "a".into(), points: points.to_vec() }];
-            format!("{:?}", legend(&series, f64::ln, |y| y))
-        };
-        assert_eq!(corner(&[(1.0, 5.0), (100.0, 0.0)]), "UpperRight");
-        assert_eq!(corner(&[(1.0, 0.0), (100.0, 5.0)]), "UpperLeft");
-        assert_eq!(corner(&[(1.0, 0.0), (2.0, 5.0), (100.0, 5.0)]), "LowerRight");
-        assert_eq!(corner(&[(1.0, 5.0), (50.0, 5.0), (100.0, 0.0)]), "LowerLeft");
+    fn the_legend_stands_above_the_chart_and_logarithms_have_round_numbers() {
+        let named = |name: &str| Series { name: name.into(), points: vec![(1.0, 5.0), (100.0, 0.0)] };
+        let series: Vec<Series> = (0..13).map(|k| named(&format!("a curve with a name, number {k}"))).collect();
+        let chart = Chart { title: "t", x: "x", y: "y", log_y: false };
+        let made = plot(&chart, &series).unwrap();
+        let coloured = |RGBColor(r, g, b)| made.enumerate_pixels().filter(move |(.., p)| p.0 == [r, g, b]);
+        // The samples of all curves that are not grey as letters are, in five lines.
+        let first = |colour: &RGBColor| coloured(*colour).map(|(_, row, _)| row).min();
+        let colours = COLOURS.iter().filter(|RGBColor(r, g, _)| r != g);
+        let rows: Vec<u32> = colours.filter_map(first).collect();
+        assert!(rows.len() == 11 && rows.is_sorted() && rows[0] < 60 && rows[10] > 100, "{rows:?}");
         assert_eq!([0.05, 2.0, 70.0, 1000.0].map(|v| round_number(&v)), ["0.05", "2", "", "1000"]);
     }
 }

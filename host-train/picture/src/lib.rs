@@ -18,7 +18,7 @@ mod text;
 pub use bars::{Bars, bars};
 pub use canvas::Canvas;
 pub use curves::{Chart, Series, curves, plot, plot_log_x};
-pub use errors::{ErrorMap, error_map};
+pub use errors::{ErrorLimits, ErrorMap, error_map};
 pub use font::FONT;
 pub use grey::{grey, hillshade, hillshades, stretch};
 pub use histogram::histogram;

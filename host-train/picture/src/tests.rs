@@ -47,13 +47,13 @@ fn stretch_ignores_outliers_and_voids() {
 #[test]
 fn errors_have_the_colours_of_their_class() {
     let error = [0.5, -0.5, 2.0, -2.0, 5.0, -5.0, 11.0, -11.0, f32::NAN, 1.99];
-    let picture = error_map(&error, 1, 10).unwrap();
+    let picture = error_map(&error, 1, 10, ErrorLimits::PAPER).unwrap();
     let colours: Vec<[u8; 3]> = (0..10).map(|col| picture.get_pixel(col, 0).0).collect();
     assert_eq!(colours[8], [0; 3]);
     assert_eq!(colours[0], colours[9]);
     let distinct: std::collections::HashSet<_> = colours[..9].iter().collect();
     assert_eq!(distinct.len(), 9);
-    let large = error_map(&vec![0.0; 40 * 300], 40, 300).unwrap();
+    let large = error_map(&vec![0.0; 40 * 300], 40, 300, ErrorLimits::PAPER).unwrap();
     assert!(large.rows().skip(48).flatten().any(|p| p.0[0] < 100 && p.0[2] < 100), "the legend has letters");
 }
 
@@ -104,7 +104,7 @@ fn curves_are_drawn_and_bad_ones_refused() {
 #[test]
 fn wrong_sizes_are_refused() {
     assert!(stretch(&[0.0; 5], 2, 3).is_err());
-    assert!(error_map(&[0.0; 5], usize::MAX, 2).is_err());
+    assert!(error_map(&[0.0; 5], usize::MAX, 2, ErrorLimits::PAPER).is_err());
 }
 
 #[test]

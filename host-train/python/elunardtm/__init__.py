@@ -298,6 +298,7 @@ class Model:
         fit_sun: bool = False,
         uncertainty: Path | None = None,
         coarse_sigma: float | None = None,
+        report: Path | None = None,
         part_dir: Path | None = None,
         overlap: int | None = None,
         no_anchor: bool = False,
@@ -307,7 +308,7 @@ class Model:
         """Predicts a DTM from files, as ``elunar predict`` does: a cloud-optimised GeoTIFF ``output`` with a hillshade beside it.
 
         Rows of a run that stopped wait beside the output; the same call goes on from there. ``uncertainty`` is the file for the expected errors,
-        ``part_dir`` the folder for unfinished rows. The other options are those of :meth:`predict`. Returns what ``--json`` prints: heights in
+        ``report`` that for a page to look at, ``part_dir`` the folder for unfinished rows. The other options are those of :meth:`predict`. Returns what ``--json`` prints: heights in
         metres, counts of pixels and tiles, the light, warnings, seconds.
 
         >>> import tempfile
@@ -322,8 +323,8 @@ class Model:
                 "image": image, "coarse": coarse, "output": output, "image_srs": _grids.crs_text(image_srs),
                 "coarse_srs": _grids.crs_text(coarse_srs), "coarse_unit": coarse_unit, "image_nodata": image_nodata,
                 "coarse_nodata": coarse_nodata, "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation,
-                "time": _utc(time), "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "part_dir": part_dir,
-                "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
+                "time": _utc(time), "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "report": report,
+                "part_dir": part_dir, "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
             }
         )  # fmt: skip
         return _record(_call(words, [], False, progress, model=self._model))

@@ -22,7 +22,7 @@ pub struct Args {
     /// Seed of the tour. Each seed has another scene and other training tiles [default: 0].
     #[arg(long, value_name = "S", value_parser = clap::value_parser!(u64).range(..TourSettings::SEEDS))]
     pub seed: Option<u64>,
-    /// Number of training steps [default: 120, or 300 from scratch].
+    /// Number of training steps [default: 24, or 300 from scratch].
     #[arg(long, value_name = "N")]
     pub steps: Option<usize>,
     /// Train nano from random weights instead of fine-tuning.

@@ -27,8 +27,6 @@ pub(super) const COARSE_SHADE: &str = "coarse_hillshade.png";
 pub(super) const TRUTH_SHADE: &str = "truth_hillshade.png";
 /// Image and hillshades side by side.
 pub(super) const OVERVIEW: &str = "overview.png";
-/// Picture of heights along the middle row.
-pub(super) const PROFILE: &str = "profile.png";
 /// Names of the candidates, in the order of the table.
 pub(super) const NAMES: [&str; 4] = ["coarse DTM", "untrained", "float", "int8"];
 /// Beginning of the entry in the training record that marks a tour's run.
@@ -83,8 +81,7 @@ impl Folder {
 
 /// Returns the names of all files of a tour but those of its training run.
 fn files() -> impl Iterator<Item = String> {
-    let fixed =
-        [REPORT, FIGURES, FLOAT_MODEL, INT8_MODEL, MANIFEST, IMAGE, COARSE_SHADE, TRUTH_SHADE, PROFILE, OVERVIEW];
+    let fixed = [REPORT, FIGURES, FLOAT_MODEL, INT8_MODEL, MANIFEST, IMAGE, COARSE_SHADE, TRUTH_SHADE, OVERVIEW];
     let made = NAMES.iter().flat_map(|name| [error_file(name), dtm_file(name), shade_file(name)]);
     fixed.map(String::from).into_iter().chain(scene_files(0)).chain(made)
 }

@@ -1,7 +1,8 @@
-//! One page about the folders of suites, experiments, training runs and records: tables, hillshades, error maps, curves, with all pictures inside.
+//! One page about the folders of suites, experiments, training runs and records: a relief of all scenes, tables, hillshades, error maps, curves, with all pictures inside.
 
 pub(crate) use elunar::html;
 mod record;
+mod reliefs;
 mod sections;
 
 use crate::experiment::{COMPARISON, ExperimentResults};
@@ -17,12 +18,20 @@ use std::path::{Path, PathBuf};
 /// # Errors
 /// [`Error::Input`] with the name of a folder of another kind; if a file of a folder is missing or malformed, or the page cannot be written.
 pub fn write(folders: &[PathBuf], page: &Path) -> Result<()> {
-    let mut body = String::from("<h1>How good the models are</h1>\n");
+    let (mut sections, mut scenes) = (String::new(), vec![]);
     for folder in folders {
-        body += &section(folder)?;
+        sections += &section(folder)?;
+        scenes.extend(grounds(folder)?);
     }
+    let mut body = format!("<h1>How good the models are</h1>\n{}{sections}", html::relief(&scenes)?);
     body += &format!("<p class=\"faint\">host-train {}</p>\n", escaped(env!("CARGO_PKG_VERSION")));
     atomic_write(page, html::document("ELunarDTM: how good the models are", &body).as_bytes())
+}
+
+/// Returns the grounds that a folder has maps of.
+fn grounds(folder: &Path) -> Result<Vec<html::ReliefScene>> {
+    let is_suite = folder.join(RESULTS).exists() && !folder.join(COMPARISON).exists();
+    if is_suite { reliefs::of_suite(folder, &SuiteResults::read(folder)?) } else { Ok(vec![]) }
 }
 
 fn section(folder: &Path) -> Result<String> {

@@ -16,7 +16,7 @@ pub const PICTURES: &str = "pictures";
 pub(super) const MAPS: [&str; 3] = ["image", "coarse", "truth"];
 
 /// Returns the name of a scene's map, within the folder of the scenes.
-pub(super) fn map_file(scene: &str, what: &str) -> String {
+pub(crate) fn map_file(scene: &str, what: &str) -> String {
     format!("{scene}_{what}.tif")
 }
 
@@ -54,7 +54,7 @@ pub fn of_results<'a>(scenes: impl Iterator<Item = &'a str>, methods: &[&str], g
 }
 
 /// Returns the name of a method's DTM of a scene, within the suite's folder.
-pub(super) fn dtm_file(method: &str, scene: &str) -> String {
+pub(crate) fn dtm_file(method: &str, scene: &str) -> String {
     format!("{DTMS}/{method}/{scene}.tif")
 }
 

@@ -8,7 +8,7 @@ use elunar_base::{Error, Result};
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
 use elunar_evaluate::Comparison;
-use elunar_picture::{Panel, error_map, hillshades, sheet, stretch, write_png};
+use elunar_picture::{ErrorLimits, Panel, error_map, hillshades, sheet, stretch, write_png};
 use elunar_raster::Raster;
 use std::path::Path;
 
@@ -33,9 +33,10 @@ pub fn scene(out: &Path, scene: &TestScene, comparison: &Comparison) -> Result<V
     let mut views = vec![Panel::new("image", stretch(&cut(&scene.image), part.rows, part.cols)?)];
     views.extend(names.zip(shades).map(|(name, shade)| Panel::new(name, shade)));
     let mut errors = vec![];
+    let limits = ErrorLimits::of(&comparison.scored.iter().map(|s| s.error_m.samples.as_slice()).collect::<Vec<_>>());
     for scored in &comparison.scored {
         let rmse = format!("{}: RMSE {:.2} m", scored.name, scored.scores.rmse_m);
-        errors.push(Panel::new(rmse, error_map(&cut(&scored.error_m), part.rows, part.cols)?));
+        errors.push(Panel::new(rmse, error_map(&cut(&scored.error_m), part.rows, part.cols, limits)?));
     }
     let mut made = vec![];
     for (what, panels, caption) in
@@ -81,7 +82,10 @@ pub fn cross(out: &Path, ground: &str, a: &Seen, b: &Seen) -> Result<(String, St
         let shades = hillshades(&both, first.rows, first.cols, pixel)?;
         let captions = [&a.name, &b.name].map(|name| format!("{method} from {name}"));
         panels.extend(captions.into_iter().zip(shades).map(|(caption, shade)| Panel::new(caption, shade)));
-        panels.push(Panel::new("difference", error_map(&difference, first.rows, first.cols)?));
+        panels.push(Panel::new(
+            "difference",
+            error_map(&difference, first.rows, first.cols, ErrorLimits::of(&[&difference]))?,
+        ));
     }
     let file = cross_file(ground, &a.name, &b.name);
     write_png(&out.join(&file), sheet(&panels, 3, PANEL.0))?;

@@ -13,6 +13,7 @@ let job, looking;
 
 const image = input($("drop-image"), look);
 const coarse = input($("drop-coarse"), look);
+const truth = input($("drop-truth"), () => {});
 const model = input($("drop-model"), () => {});
 const show = terrain();
 const showSun = dial($("image-sun"), (azimuth_deg) => {
@@ -55,6 +56,7 @@ $("example").addEventListener("click", async () => {
     const [i, c] = await Promise.all([load(EXAMPLE.image), load(EXAMPLE.coarse)]);
     image.set({ [EXAMPLE.image]: i }, ", the example");
     coarse.set({ [EXAMPLE.coarse]: c }, ", the example");
+    truth.set({}, "");
     document.querySelector("[name=sun][value=fit]").checked = true;
     await predict();
   } catch (error) {
@@ -88,13 +90,14 @@ async function predict() {
   $("warnings").replaceChildren();
   $("warnings").hidden = true;
   if (!model.found.main) model.set({ "nano.eld": await load("nano.eld") }, ", of this page");
-  if (Object.keys(image.found.files).some((name) => name in coarse.found.files)) {
-    throw new Error(`${image.found.main}: image and coarse DTM have one name; give one of them another`);
-  }
+  const inputs = [image, coarse, truth, model].map(({ found }) => found.files);
+  const twice = inputs.flatMap(Object.keys).find((name, i, names) => names.indexOf(name) !== i);
+  if (twice) throw new Error(`${twice}: two inputs have this name; give one of them another`);
   await program();
   const made = ["predict", ...ofInputs(), "--model", model.found.main, "--uncertainty", ERRORS, "-o", DTM];
-  const view = ["view", ...ofInputs(), "--dtm", DTM, "--uncertainty", ERRORS, "-o", MAPS];
-  const files = { ...image.found.files, ...coarse.found.files, ...model.found.files };
+  const beside = truth.found.main ? ["--truth", truth.found.main] : [];
+  const view = ["view", ...ofInputs(), "--dtm", DTM, "--uncertainty", ERRORS, ...beside, "-o", MAPS];
+  const files = Object.assign({}, ...inputs);
   job = start([[...made, "--json", "--progress", "json"], [...view, "--quiet"]], files, [DTM, ERRORS, MAPS, SHADE], hear);
   [$("cancel").disabled, $("example").disabled] = [false, true];
   ready();

@@ -17,7 +17,7 @@ export function input(place, changed) {
     found.main = names.find((name) => /\.(lbl|tiff?)$/i.test(name)) ?? names[0];
     found.files = files;
     const size = Object.values(files).reduce((sum, bytes) => sum + bytes.length, 0);
-    said.textContent = `${names.join(", ")} (${(size / 1000).toFixed(0)} kB)${note}`;
+    said.textContent = names.length === 0 ? "" : `${names.join(", ")} (${(size / 1000).toFixed(0)} kB)${note}`;
   }
   field.addEventListener("change", () => take(field.files));
   place.addEventListener("dragover", (event) => {

@@ -9,6 +9,8 @@ use elunar::held::Held;
 use elunar::job::{Inputs, Opened};
 use elunar_base::{Error, Result, atomic_write};
 use elunar_core::terrain::{HazardLimits, LineMaps, LineOptions, MAX_RADIUS_PX, PixelSize, Sun, TerrainLines};
+use elunar_core::tile::Window;
+use elunar_raster::align::{Interpolation, Onto};
 use elunar_raster::{Raster, geotiff, source};
 use std::path::PathBuf;
 
@@ -24,6 +26,9 @@ pub(crate) struct Args {
     /// Its expected errors.
     #[arg(long, value_name = "ERR.tif", requires = "dtm")]
     uncertainty: Option<PathBuf>,
+    /// The truth, if there is one; interpolated bilinearly onto the DTM's grid.
+    #[arg(long, value_name = "T.tif", requires = "dtm")]
+    truth: Option<PathBuf>,
     /// Radius of a vehicle's footprint, metres.
     #[arg(long, value_name = "M", default_value_t = 5.0)]
     footprint: f64,
@@ -37,7 +42,8 @@ pub(crate) struct Args {
 /// # Errors
 /// If an input cannot be read, its grid is another, or the file cannot be written.
 pub(crate) fn run(args: &Args) -> Result<()> {
-    let Opened { scene, .. } = args.inputs.open(&Held::default())?;
+    let held = Held::default();
+    let Opened { scene, .. } = args.inputs.open(&held)?;
     let band = scene.band(0, scene.rows)?;
     let shape = (scene.rows, scene.cols);
     let (row_m, col_m) = scene.georef.pixel_m(shape.0, shape.1).unwrap_or_default();
@@ -49,6 +55,13 @@ pub(crate) fn run(args: &Args) -> Result<()> {
     }
     if let Some(errors) = &args.uncertainty {
         maps.push(("sigma", of_shape(source::read_all(&*geotiff::open_band(errors, 0)?)?, shape, errors)?));
+    }
+    if let (Some(truth), Some(dtm)) = (&args.truth, &args.dtm) {
+        let name = |path: &std::path::Path| path.display().to_string();
+        let on_dtm = source::open(dtm)?;
+        let source = held.heights(truth)?.into();
+        let onto = Onto::new(source, &name(truth), on_dtm.info(), &name(dtm), Interpolation::Bilinear)?;
+        maps.push(("truth", onto.read(Window { row: 0, col: 0, rows: shape.0, cols: shape.1 })?));
     }
     let names: Vec<&str> = maps.iter().map(|(name, _)| *name).collect();
     let head = serde_json::json!({ "rows": shape.0, "cols": shape.1, "row_m": row_m, "col_m": col_m, "maps": names });
@@ -121,18 +134,21 @@ mod tests {
         }
         let of_predict = ["--model", "ground", "--uncertainty", &errors, "-o", &dtm];
         job::run(&Predict::parse_from(inputs.iter().chain(&of_predict)).request, None, job::open).unwrap();
-        let of_view = ["--dtm", &dtm, "--uncertainty", &errors, "-o", &output];
+        let truth = at("scene_0000_truth.tif");
+        let of_view = ["--dtm", &dtm, "--uncertainty", &errors, "--truth", &truth, "-o", &output];
         run(&Line::parse_from(inputs.iter().chain(&of_view)).args).unwrap();
         let bytes = std::fs::read(&output).unwrap();
         let end = bytes.iter().position(|b| *b == b'\n').unwrap() + 1;
         let head: serde_json::Value = serde_json::from_slice(&bytes[..end]).unwrap();
-        let names = ["image", "coarse", "heights", "slope", "roughness", "sigma"];
+        let names = ["image", "coarse", "heights", "slope", "roughness", "sigma", "truth"];
         assert_eq!((&head["rows"], &head["cols"], &head["maps"]), (&60.into(), &70.into(), &names.as_slice().into()));
         assert!(end % 4 == 0 && bytes.len() == end + 4 * 60 * 70 * names.len());
         let map = |k: usize| &bytes[end + 4 * 4200 * k..][..4 * 4200];
         let heights: Vec<u8> =
             geotiff::read(std::path::Path::new(&dtm)).unwrap().samples.iter().flat_map(|v| v.to_le_bytes()).collect();
         assert_eq!(map(2), heights);
+        let middle = f32::from_le_bytes(map(6)[4 * (30 * 70 + 35)..][..4].try_into().unwrap());
+        assert_eq!(middle, geotiff::read(std::path::Path::new(&truth)).unwrap().samples[30 * 70 + 35]);
         let slope = f32::from_le_bytes(map(3)[4 * (30 * 70 + 35)..][..4].try_into().unwrap());
         assert!((0.0..60.0).contains(&slope) && map(3)[..4] == f32::NAN.to_le_bytes(), "{slope}");
         let other = ["--dtm", &coarse, "-o", &output];

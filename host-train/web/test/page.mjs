@@ -7,36 +7,21 @@ import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
 import { join } from "node:path";
-import { between, parse } from "../page/maps.js";
+import { pathToFileURL } from "node:url";
 import { chromium } from "./chromium.mjs";
 import { serve } from "./server.mjs";
+import { click, fits, set, shadeDifference, watched } from "./watched.mjs";
 
 const [page, elunar, web, pictures = join(page, "../page-pictures")] = process.argv.slice(2);
+const [{ parse }, { between }] = await Promise.all(["maps.js", "samples.js"].map((name) => import(pathToFileURL(join(page, name)))));
 const MOST = { program_bytes: 1e6, page_bytes: 7e6, example_bytes: 3e5 };
 const work = mkdtempSync(join(tmpdir(), "elunar-page-test-"));
 mkdirSync(pictures, { recursive: true });
 const server = await serve(page);
 const browser = await chromium(process.env.CHROMIUM ?? "chromium");
 
-/** Opens the page and watches it: no request leaves it, nothing goes wrong in it. */
-async function open(search, size) {
-  const faults = [];
-  const opened = await browser.open(`${server.origin}/${search}`, size, ({ method, params }) => {
-    if (method === "Network.requestWillBeSent" && !/^(blob|data):/.test(params.request.url) && !params.request.url.startsWith(server.origin + "/")) {
-      faults.push(`a request to ${params.request.url}`);
-    }
-    if (method === "Network.loadingFailed" && !params.canceled) faults.push(`loading: ${params.errorText}`);
-    if (method === "Runtime.exceptionThrown") faults.push(params.exceptionDetails.exception?.description ?? params.exceptionDetails.text);
-    if (method === "Runtime.consoleAPICalled" && ["error", "warning"].includes(params.type)) faults.push(JSON.stringify(params.args));
-    if (method === "Log.entryAdded" && params.entry.level === "error") faults.push(params.entry.text);
-  });
-  await opened.until("document.readyState === 'complete' && document.getElementById('image-sun').ariaValueNow !== null", 30);
-  return { ...opened, faults };
-}
+const open = (search, size) => watched(browser, `${server.origin}/${search}`, size, "document.getElementById('image-sun').ariaValueNow !== null");
 
-const click = (id) => `document.getElementById(${JSON.stringify(id)}).click()`;
-const set = (id, value) =>
-  `(() => { const e = document.getElementById(${JSON.stringify(id)}); e.type === "checkbox" ? (e.checked = ${value}) : (e.value = ${value}); e.dispatchEvent(new Event("input")); })()`;
 const done = "document.getElementById('status').textContent.startsWith('done')";
 const base64 = async (page, name) => Buffer.from(await page.evaluate(`(async () => {
   const bytes = new Uint8Array(await (await fetch(document.querySelector('a[download="${name}"]').href)).arrayBuffer());
@@ -51,39 +36,6 @@ async function natively(opened) {
   return words;
 }
 
-/** Compares the canvas, one pixel of the DTM each, with `elunar hillshade`. Returns the mean difference in grey values. */
-async function shadeDifference(opened, azimuth, elevation) {
-  const shade = join(work, "shade.png");
-  execFileSync(elunar, ["hillshade", "dtm.tif", "-o", shade, "--azimuth", `${azimuth}`, "--altitude", `${elevation}`], { cwd: work, stdio: "pipe" });
-  for (const [id, value] of [["divide", 0], ["tint", false], ["hazards", false], ["tilt", 0], ["turn", 0], ["exaggeration", 1], ["azimuth", azimuth], ["elevation", elevation]]) {
-    await opened.evaluate(set(id, value));
-  }
-  return opened.evaluate(`(async () => {
-    const bytes = Uint8Array.from(atob("${readFileSync(shade).toString("base64")}"), (c) => c.charCodeAt(0));
-    const truth = await createImageBitmap(new Blob([bytes], { type: "image/png" }));
-    const grey = (picture, cols, rows) => {
-      const context = new OffscreenCanvas(cols, rows).getContext("2d", { willReadFrequently: true });
-      context.drawImage(picture, 0, 0);
-      return context.getImageData(0, 0, cols, rows).data;
-    };
-    const canvas = document.getElementById("relief");
-    const [cols, rows] = [truth.width, truth.height];
-    const factor = canvas.width / cols;
-    const [expected, found] = [grey(truth, cols, rows), grey(canvas, canvas.width, canvas.height)];
-    let [sum, count] = [0, 0];
-    for (let row = 2; row < rows - 2; row++) for (let col = 2; col < cols - 2; col++) {
-      const e = expected[4 * (row * cols + col)];
-      if (e === 0) continue;
-      // The mean over the pixels of the canvas that one pixel of the DTM covers.
-      let f = 0;
-      for (let r = 0; r < factor; r++) for (let c = 0; c < factor; c++) f += found[4 * ((row * factor + r) * canvas.width + col * factor + c)];
-      sum += Math.abs(f / factor ** 2 - e);
-      count++;
-    }
-    return count > cols * rows / 2 ? sum / count : NaN;
-  })()`);
-}
-
 /** The whole way with the example. */
 async function example(opened) {
   const start = Date.now();
@@ -95,7 +47,7 @@ async function example(opened) {
     assert.ok((await base64(opened, name)).equals(readFileSync(join(work, name))), `${name}: the bytes of \`elunar predict\` expected`);
   }
   const shades = [];
-  for (const [azimuth, elevation] of [[315, 45], [90, 20], [200, 60]]) shades.push(await shadeDifference(opened, azimuth, elevation));
+  for (const [azimuth, elevation] of [[315, 45], [90, 20], [200, 60]]) shades.push(await shadeDifference(opened, elunar, join(work, "dtm.tif"), [azimuth, elevation]));
   shades.forEach((difference) => assert.ok(difference < 3, `the relief expected as the hillshade, found ${difference} grey values apart`));
   return { seconds, words, shades };
 }
@@ -147,14 +99,8 @@ async function refusals(opened) {
   await opened.until("!document.getElementById('example').disabled", 10);
 }
 
-/** Nothing is wider than the page. */
-async function fits(opened, width) {
-  const found = await opened.evaluate("document.scrollingElement.scrollWidth");
-  assert.ok(found <= width, `a page of ${width} px expected, ${found} found`);
-}
-
 async function pictureOf(opened, name) {
-  for (const [id, value] of [["divide", 0.5], ["tint", true], ["azimuth", 125], ["elevation", 28]]) await opened.evaluate(set(id, value));
+  for (const [id, value] of [["divide", 0.333], ["divide-2", 0.667], ["tint", true], ["azimuth", 125], ["elevation", 28]]) await opened.evaluate(set(id, value));
   writeFileSync(join(pictures, name), await opened.picture());
 }
 

@@ -4,6 +4,7 @@ use crate::held::Held;
 use crate::outputs as output;
 use elunar_base::{Error, Result};
 use elunar_evaluate::diff::{Statistics, difference};
+use elunar_picture::{ErrorLimits, error_map, write_png};
 use elunar_raster::Raster;
 use elunar_raster::align::Named;
 use elunar_raster::geotiff::{self, WriteOptions};
@@ -85,7 +86,8 @@ pub fn make(args: &Args, held: &Held) -> Result<MadeDifference> {
     let what = format!("{first_name} - {second_name}");
     let what = if args.absolute { format!("|{what}|") } else { what };
     if let Some(path) = &args.picture {
-        elunar_picture::write_png(path, elunar_picture::error_map(&made.samples, made.rows, made.cols)?)?;
+        let map = error_map(&made.samples, made.rows, made.cols, ErrorLimits::PAPER)?;
+        write_png(path, map)?;
     }
     if let Some(path) = &args.output {
         let undo = |_: &Error| args.picture.iter().for_each(|picture| drop(std::fs::remove_file(picture)));

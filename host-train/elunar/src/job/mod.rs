@@ -6,6 +6,7 @@
 
 mod inputs;
 mod memory;
+mod report;
 mod request;
 mod task;
 pub mod words;
@@ -243,6 +244,9 @@ fn take(args: &Request) -> Result<(Owner, Vec<Owner>)> {
     check_sun(args.inputs.known_sun())?;
     if let Some(path) = &args.uncertainty {
         outputs::extension(path, &["tif", "tiff"])?;
+    }
+    if let Some(path) = &args.report {
+        outputs::extension(path, &["html"])?;
     }
     outputs::take_dtm(&args.output, &args.further(), &args.read())
 }

@@ -23,6 +23,10 @@ pub struct Request {
     /// Standard deviation of the coarse DTM's own heights, metres [default: 0.04 of its pixels, at most 3 m].
     #[arg(long, value_name = "M", value_parser = metres, requires = "uncertainty")]
     pub coarse_sigma: Option<f32>,
+    /// Write a page that shows image, coarse DTM and DTM as a relief under a light that the reader turns, with what was found. The page
+    /// needs no other file.
+    #[arg(long, value_name = "PAGE.html")]
+    pub report: Option<PathBuf>,
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = crate::threads::number)]
     pub threads: usize,
@@ -51,7 +55,8 @@ impl Request {
 
     /// Returns what is written besides the DTM.
     pub(super) fn further(&self) -> Vec<OutputTarget<'_>> {
-        self.uncertainty.iter().map(|path| OutputTarget::Errors(path)).collect()
+        let errors = self.uncertainty.iter().map(|path| OutputTarget::Errors(path));
+        errors.chain(self.report.iter().map(|path| OutputTarget::File(path))).collect()
     }
 }
 

@@ -106,7 +106,8 @@ impl Task {
 
     pub(super) fn is_finished(&self, args: &Request) -> bool {
         let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
-        outputs.into_iter().all(|output| self.identity.is_finished(output))
+        let has_report = args.report.as_ref().is_none_or(|report| report.is_file());
+        has_report && outputs.into_iter().all(|output| self.identity.is_finished(output))
     }
 
     /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.

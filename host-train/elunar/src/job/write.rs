@@ -1,5 +1,6 @@
 //! The files of a finished prediction, and what it says at its end.
 
+use super::report;
 use super::request::Request;
 use super::task::{Task, Work};
 use super::{Done, Watch};
@@ -102,5 +103,9 @@ pub(super) fn write(
     }
     let of_errors = |(path, sigma_m)| ErrorsRecord::new(path, sigma_m, &finished.origins.unwrap_or_default());
     let record = found.record(args, work, tally, &finished, errors.map(of_errors));
+    if let Some(path) = &args.report {
+        report::write(path, args, &work.scene, &record)?;
+        text += &format!("\n{}: a page to look at", path.display());
+    }
     Ok(Done { text, json: Some(record.json()) })
 }

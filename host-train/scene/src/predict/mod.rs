@@ -42,6 +42,7 @@ pub use identity::sum_path;
 pub use maps::{ErrorMaps, Maps};
 pub use output::{DtmWriter, Provenance, hillshade_path};
 pub use part::{PartFile, part_path};
+pub use preview::Preview;
 pub(crate) use run::{Cut, TileMaker, make_rows};
 pub use run::{PredictOptions, Prediction, Tally, TileProgress, predict, predict_rows, predict_span};
 pub(crate) use scene::{Band, Cutout};

@@ -1,7 +1,7 @@
 //! Files of a prediction: the DTM with its provenance, and a hillshade beside it.
 
 use super::identity::{Identity, sum_path};
-use super::preview::Preview;
+use super::preview::{LONGEST_PX, Preview};
 use elunar_base::{Error, Result, SOFTWARE, atomic_write};
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
@@ -66,7 +66,7 @@ impl DtmWriter {
         Ok(Self {
             output: output.into(),
             file,
-            preview: Preview::new(rows, cols, georef.clone()),
+            preview: Preview::new(rows, cols, georef.clone(), LONGEST_PX),
             is_identified: from.identity.is_some(),
         })
     }

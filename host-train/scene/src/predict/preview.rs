@@ -1,12 +1,12 @@
-//! A reduced DTM for a picture, made while the rows are written.
+//! A reduced map for a picture, made while its rows come.
 
 use elunar_raster::{GeoRef, Raster};
 
-/// Longest side of a picture, pixels. Browsers and viewers can open it, and the memory for a strip of any length is bounded.
-const LONGEST_PX: usize = 8192;
+/// Longest side of a hillshade, pixels. Browsers and viewers can open it, and the memory for a strip of any length is bounded.
+pub(super) const LONGEST_PX: usize = 8192;
 
 /// Means over square cells of a raster whose rows arrive one by one. Invalid samples are left out.
-pub(super) struct Preview {
+pub struct Preview {
     cell: usize,
     rows: usize,
     cols: usize,
@@ -17,13 +17,15 @@ pub(super) struct Preview {
 }
 
 impl Preview {
-    pub(super) fn new(rows: usize, cols: usize, georef: GeoRef) -> Self {
-        let cell = rows.max(cols).div_ceil(LONGEST_PX).max(1);
+    /// Starts a map of `rows` x `cols` samples, whose longer side becomes at most `longest_px`.
+    #[must_use]
+    pub fn new(rows: usize, cols: usize, georef: GeoRef, longest_px: usize) -> Self {
+        let cell = rows.max(cols).div_ceil(longest_px.max(1)).max(1);
         Self { cell, rows, cols, georef, row: 0, sums: vec![(0.0, 0); cols.div_ceil(cell)], samples: vec![] }
     }
 
     /// Adds whole rows, in order.
-    pub(super) fn add(&mut self, samples: &[f32]) {
+    pub fn add(&mut self, samples: &[f32]) {
         for line in samples.chunks_exact(self.cols) {
             for (sum, cell) in self.sums.iter_mut().zip(line.chunks(self.cell)) {
                 for z in cell.iter().filter(|z| z.is_finite()) {
@@ -40,7 +42,8 @@ impl Preview {
     }
 
     /// Returns the reduced raster with its georeference.
-    pub(super) fn finish(self) -> Raster {
+    #[must_use]
+    pub fn finish(self) -> Raster {
         let [x0, x_col, x_row, y0, y_col, y_row] = self.georef.transform;
         let k = self.cell as f64;
         let transform = [x0, x_col * k, x_row * k, y0, y_col * k, y_row * k];
@@ -57,7 +60,7 @@ mod tests {
 
     fn preview(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
         let georef = GeoRef { transform: [10.0, 2.0, 0.0, 50.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
-        let mut preview = Preview::new(rows, cols, georef);
+        let mut preview = Preview::new(rows, cols, georef, LONGEST_PX);
         for row in 0..rows {
             preview.add(&(0..cols).map(|col| height(row, col)).collect::<Vec<f32>>());
         }

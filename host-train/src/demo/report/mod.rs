@@ -5,18 +5,17 @@ mod page;
 
 use super::compare::TourVerdict;
 use super::console::{StepTime, say};
-use super::folder::{
-    COARSE_SHADE, FIGURES, Folder, IMAGE, NAMES, OVERVIEW, PROFILE, REPORT, RUN, TRUTH_SHADE, error_file,
-};
+use super::folder::{COARSE_SHADE, FIGURES, Folder, IMAGE, NAMES, OVERVIEW, REPORT, RUN, TRUTH_SHADE, error_file};
 use super::infer::Predicted;
 use super::scene::DemoScene;
 use super::shrink::Shrunk;
 use super::tune::{Tuned, curves};
 use super::{Seeds, TourSettings};
-use crate::report::html::Picture;
+use crate::report::html::{LayerRole, Picture, ReliefLayer, ReliefScene, relief};
 use elunar_base::{Error, Result, atomic_write};
+use elunar_core::terrain::PixelSize;
 use elunar_picture::{Panel, sheet, write_png};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// All results of a tour.
 pub(super) struct Story<'a> {
@@ -40,39 +39,48 @@ pub(super) struct Story<'a> {
 
 /// Pictures by their section of the report.
 struct Pictures {
-    scene: Vec<Picture>,
     errors: Vec<Picture>,
-    profile: Picture,
     curves: Picture,
 }
 
 impl Story<'_> {
     fn pictures(&self, folder: &Folder) -> Pictures {
-        let picture = |name: &str, caption: String| Picture { file: folder.file(name), caption };
-        let sun = &self.scene.about;
-        let [untrained, float, int8] = &self.predicted;
-        let about_image =
-            format!("Image, Sun {:.0}° high from azimuth {:.0}°", sun.sun_elevation_deg, sun.sun_azimuth_deg);
         let rmse = |k: usize| self.verdict.against_truth.scored.get(k).map_or(f64::NAN, |j| j.scores.rmse_m);
-        let error = |(k, name): (usize, &&str)| {
-            picture(&error_file(name), format!("{name} minus truth, RMSE {:.2} m", rmse(k)))
+        let error = |(k, name): (usize, &&str)| Picture {
+            file: folder.file(&error_file(name)),
+            caption: format!("{name} minus truth, RMSE {:.2} m", rmse(k)),
         };
         Pictures {
-            scene: vec![
-                picture(IMAGE, about_image),
-                picture(COARSE_SHADE, "Coarse DTM (59 m), interpolated".into()),
-                picture(&untrained.shade(), "Without training: coarse DTM plus photoclinometry".into()),
-                picture(&float.shade(), "DTM of the float network".into()),
-                picture(&int8.shade(), "DTM of the int8 network".into()),
-                picture(TRUTH_SHADE, "Truth".into()),
-            ],
             errors: NAMES.iter().enumerate().map(error).collect(),
-            profile: picture(PROFILE, "Heights along the middle row, middle half".into()),
             curves: Picture {
                 file: curves(&folder.file(RUN)),
                 caption: "Training; validation at step 0 is before the first step".into(),
             },
         }
+    }
+
+    /// Returns the scene with all its maps.
+    fn relief(&self) -> Result<ReliefScene> {
+        let scene = &self.scene;
+        let [untrained, float, int8] = &self.predicted;
+        let image = scene.input.band(0, scene.truth.rows)?.image;
+        let layer = |name: &str, role, samples| ReliefLayer { name: name.into(), role, samples };
+        Ok(ReliefScene {
+            title: scene.about.name.clone(),
+            rows: scene.truth.rows,
+            cols: scene.truth.cols,
+            pixel: PixelSize::square(scene.pixel_m),
+            azimuth_deg: scene.about.sun_azimuth_deg,
+            layers: vec![
+                layer("image", LayerRole::Image, image),
+                layer(NAMES[0], LayerRole::Coarse, scene.interpolated.samples.clone()),
+                layer("result (int8)", LayerRole::Result, int8.made.dtm.samples.clone()),
+                layer("truth", LayerRole::Truth, scene.truth.samples.clone()),
+                layer("float", LayerRole::Other, float.made.dtm.samples.clone()),
+                layer(NAMES[1], LayerRole::Other, untrained.made.dtm.samples.clone()),
+            ],
+            sigma_m: None,
+        })
     }
 }
 
@@ -82,21 +90,33 @@ impl Story<'_> {
 /// If a picture cannot be read or a file cannot be written.
 pub(super) fn write(folder: &Folder, story: &Story) -> Result<PathBuf> {
     let pictures = story.pictures(folder);
-    overview(&folder.file(OVERVIEW), &pictures.scene)?;
+    overview(folder, story)?;
     let figures = format!("{:#}\n", figures::figures(story));
     atomic_write(&folder.file(FIGURES), figures.as_bytes())?;
     let path = folder.file(REPORT);
-    atomic_write(&path, page::page(story, &pictures)?.as_bytes())?;
+    atomic_write(&path, page::page(story, &pictures, &relief(&[story.relief()?])?)?.as_bytes())?;
     say(format!("{REPORT}, {OVERVIEW} and {FIGURES} beside the GeoTIFFs in {}", folder.show()));
     Ok(path)
 }
 
 /// Writes all views of the scene on one sheet.
-fn overview(path: &Path, pictures: &[Picture]) -> Result<()> {
-    let panel = |picture: &Picture| -> Result<Panel> {
-        let broken = |e: image::ImageError| Error::broken(&picture.file, format!("expected a PNG: {e}"));
-        Ok(Panel::new(&picture.caption, image::open(&picture.file).map_err(broken)?))
+fn overview(folder: &Folder, story: &Story) -> Result<()> {
+    let sun = &story.scene.about;
+    let [untrained, float, int8] = &story.predicted;
+    let of_image = format!("Image, Sun {:.0}° high from azimuth {:.0}°", sun.sun_elevation_deg, sun.sun_azimuth_deg);
+    let views = [
+        (IMAGE.into(), of_image.as_str()),
+        (COARSE_SHADE.into(), "Coarse DTM (59 m), interpolated"),
+        (untrained.shade(), "Without training: coarse DTM plus photoclinometry"),
+        (float.shade(), "DTM of the float network"),
+        (int8.shade(), "DTM of the int8 network"),
+        (TRUTH_SHADE.into(), "Truth"),
+    ];
+    let panel = |(name, caption): (String, &str)| -> Result<Panel> {
+        let path = folder.file(&name);
+        let broken = |e: image::ImageError| Error::broken(&path, format!("expected a PNG: {e}"));
+        Ok(Panel::new(caption, image::open(&path).map_err(broken)?))
     };
-    let panels: Result<Vec<Panel>> = pictures.iter().map(panel).collect();
-    write_png(path, sheet(&panels?, 3, 480))
+    let panels: Result<Vec<Panel>> = views.into_iter().map(panel).collect();
+    write_png(&folder.file(OVERVIEW), sheet(&panels?, 3, 480))
 }

@@ -13,10 +13,11 @@ use elunar_learn::train::validate::ValidationScores as TileScores;
 ///
 /// # Errors
 /// If a picture cannot be read.
-pub(super) fn page(story: &Story, pictures: &Pictures) -> Result<String> {
+pub(super) fn page(story: &Story, pictures: &Pictures, relief: &str) -> Result<String> {
     let sections = [
         opening(story),
-        scene(story, pictures)?,
+        relief.into(),
+        scene(story),
         accuracy(story, pictures)?,
         training(story, pictures)?,
         int8(story),
@@ -37,12 +38,32 @@ fn change(from: f64, to: f64, unit: &str) -> String {
     format!("from {from:.2}{unit} to {to:.2}{unit} ({})", format!("{percent:+.0} %").replace('-', "−"))
 }
 
+/// What went in, what came out, how good it is. The relief stands below.
 fn opening(story: &Story) -> String {
-    let all = scores(story);
-    let found = match all.as_slice() {
+    let Story { scene, predicted: [.., int8], .. } = story;
+    let found = match scores(story).as_slice() {
+        [coarse, .., int8] => format!(
+            "its slopes are off by {:.2}° in the mean where the coarse DTM's are off by {:.2}°, its heights by {:.2} m (RMSE) and not by {:.2} m.",
+            int8.slope_mae_deg, coarse.slope_mae_deg, int8.rmse_m, coarse.rmse_m
+        ),
+        _ => String::new(),
+    };
+    format!(
+        "<h1>A DTM from one image: a synthetic scene</h1>\n<p>An image of {} × {} pixels of {} m and a coarse DTM of 59 m went in. A DTM at the \
+         image's resolution came out, by the int8 network in {}: {found}</p>\n",
+        scene.truth.rows,
+        scene.truth.cols,
+        scene.pixel_m,
+        minutes(int8.seconds),
+    )
+}
+
+fn scene(story: &Story) -> String {
+    let scene = &story.scene;
+    let step = match scores(story).as_slice() {
         [coarse, untrained, float, int8, ..] => format!(
-            "On this scene the mean slope error goes {} without any training (photoclinometry), to {:.2}° with the float network and to \
-             {:.2}° with the int8 one; the height RMSE goes {}, to {:.2} m and to {:.2} m.",
+            "The mean slope error goes {} without any training (photoclinometry), to {:.2}° with the float network and to {:.2}° with the int8 \
+             one; the height RMSE goes {}, to {:.2} m and to {:.2} m.",
             change(coarse.slope_mae_deg, untrained.slope_mae_deg, "°"),
             float.slope_mae_deg,
             int8.slope_mae_deg,
@@ -53,26 +74,15 @@ fn opening(story: &Story) -> String {
         _ => String::new(),
     };
     format!(
-        "<h1>One orbiter image and a coarse DTM become a DTM at the image's resolution</h1>\n\
-         <p class=\"warn\"><strong>Synthetic data.</strong> Image, coarse DTM and truth on this page come from a generator of \
+        "<p class=\"warn\"><strong>Synthetic data.</strong> Image, coarse DTM and truth on this page come from a generator of \
          synthetic lunar terrain. All figures were measured in this run, on this scene; they are <strong>not a reproduction of the \
-         paper's tables</strong> and say nothing yet about real ground.</p>\n<p>{found}</p>\n"
-    )
-}
-
-fn scene(story: &Story, pictures: &Pictures) -> Result<String> {
-    let scene = &story.scene;
-    let figures: String = pictures.scene.iter().map(figure).collect::<Result<_>>()?;
-    Ok(format!(
-        "<h2>The scene</h2>\n<p>{} × {} pixels of {} m, {}, Sun {:.0}° above the horizon. The network sees the image and the coarse \
-         DTM. All hillshades have one light, 45° high from the north-west; the image has its own Sun, so that craters may be \
-         bright on another side there.</p>\n<div class=\"grid\">\n{figures}</div>\n",
-        scene.truth.rows,
-        scene.truth.cols,
-        scene.pixel_m,
+         paper's tables</strong> and say nothing yet about real ground.</p>\n\
+         <h2>The scene</h2>\n<p>The ground is {}, the image's Sun {:.0}° high from azimuth {:.0}°. The network saw image and coarse DTM, not the \
+         truth. {step}</p>\n",
         format!("{:?}", scene.about.kind).to_lowercase(),
-        scene.about.sun_elevation_deg
-    ))
+        scene.about.sun_elevation_deg,
+        scene.about.sun_azimuth_deg
+    )
 }
 
 /// A row of the accuracy table: heading, figure, and whether a larger figure is better. Otherwise, the figure nearest to 0 is best.
@@ -111,18 +121,18 @@ fn accuracy(story: &Story, pictures: &Pictures) -> Result<String> {
         .collect();
     let errors: String = pictures.errors.iter().map(figure).collect::<Result<_>>()?;
     let comparison = &story.verdict.against_truth;
+    let [a, b, c] = story.verdict.limits.metres().map(|limit_m| (limit_m * 1e6).round() / 1e6);
     Ok(format!(
         "<h2>Against the truth</h2>\n{}<p class=\"faint\">{} of {} pixels, the ones all four DTMs have. Untrained: coarse DTM plus photoclinometry, the \
          pipeline with a network that corrects nothing. Slopes are Horn's over \
          3 × 3 pixels of {} m. Errors are DTM minus truth. The coarse DTM carries an error that changes slowly over hundreds of \
          metres, as global DTMs do; an image does not tell it, so that heights gain less than slopes. \
-         Maps: white within 2 m, then classes up to 4 m, up to 10 m and beyond; reds are too high, blues too low.</p>\n\
-         <div class=\"grid\">\n{errors}</div>\n<div class=\"chart\">{}</div>\n",
+         Maps: white within {a} m, then classes up to {b} m, up to {c} m and beyond; reds are too high, blues too low.</p>\n\
+         <div class=\"grid\">\n{errors}</div>\n",
         table(&[&[""], NAMES.as_slice()].concat(), &rows),
         comparison.common_pixels,
         comparison.truth_pixels,
         comparison.pixel.row_m,
-        figure(&pictures.profile)?
     ))
 }
 

@@ -11,7 +11,7 @@ export function withCanvas(canvas) {
   return {
     name: "canvas",
     take(taken) {
-      maps = taken;
+      [maps, hazards] = [taken, undefined];
       [small.width, small.height] = [maps.cols, maps.rows];
     },
     lay(colours) {
@@ -21,10 +21,12 @@ export function withCanvas(canvas) {
       const { rows, cols } = maps;
       const picture = new ImageData(cols, rows);
       const sun = sunVector(view.azimuth_deg, view.elevation_deg);
+      const shown = view.slots.map((layer) => maps.layers[layer].image ?? maps.layers[layer].surface());
       for (let i = 0; i < rows * cols; i++) {
-        const layer = (i % cols) / cols < view.divide ? view.left : view.right;
+        const u = (i % cols) / cols;
+        const slot = u < view.divide[0] ? 0 : u < view.divide[1] ? 1 : 2;
         const over = hazards ? hazards[4 * i + 3] / 255 : 0;
-        const found = layer === 0 ? grey(i, view) : ground(layer === 1 ? maps.coarse : maps.result, i, sun, view);
+        const found = maps.layers[view.slots[slot]].image ? grey(shown[slot][i], view) : ground(shown[slot], i, sun, view);
         for (let k = 0; k < 3; k++) {
           picture.data[4 * i + k] = Math.round(255 * found[k] * (1 - over) + (over ? hazards[4 * i + k] * over : 0));
         }
@@ -35,8 +37,8 @@ export function withCanvas(canvas) {
     },
   };
 
-  function grey(i, view) {
-    const share = (maps.image[i] - view.image_range[0]) / (view.image_range[1] - view.image_range[0]);
+  function grey(sample, view) {
+    const share = (sample - view.image_range[0]) / (view.image_range[1] - view.image_range[0]);
     return Array(3).fill(Number.isFinite(share) ? Math.min(Math.max(share, 0), 1) : 0);
   }
 

@@ -5,10 +5,13 @@ import { sunVector } from "./shading.js";
 
 const COMMON = `#version 300 es
 precision highp float; precision highp int; precision highp sampler2D;
-uniform sampler2D u_result, u_coarse; // height, gradient east, gradient south, whether known
-uniform int u_left, u_right;          // 0 image, 1 coarse DTM, 2 result
-uniform float u_divide;
-int layer(float u) { return u < u_divide ? u_left : u_right; }
+uniform sampler2D u_ground[3]; // of the three slots: height, gradient east, gradient south, whether known
+uniform bool u_grey[3];        // whether the slot shows the image
+uniform vec2 u_divide;
+int slot(float u) { return u < u_divide.x ? 0 : u < u_divide.y ? 1 : 2; }
+vec4 ground(int slot, ivec2 pixel) {
+  return slot == 0 ? texelFetch(u_ground[0], pixel, 0) : slot == 1 ? texelFetch(u_ground[1], pixel, 0) : texelFetch(u_ground[2], pixel, 0);
+}
 `;
 const VERTEX = `${COMMON}
 uniform ivec2 u_cells; uniform mat3 u_turn; uniform vec2 u_half; uniform vec3 u_up; // middle height, scale, half the depth
@@ -20,7 +23,7 @@ void main() {
   at += ivec2(corner == 1 || corner == 4 || corner == 5, corner == 2 || corner == 3 || corner == 5);
   v_at = vec2(at) / vec2(u_cells);
   ivec2 pixel = min(ivec2(v_at * vec2(u_size)), u_size - 1);
-  float height = layer(v_at.x) == 1 ? texelFetch(u_coarse, pixel, 0).r : texelFetch(u_result, pixel, 0).r;
+  float height = ground(slot(v_at.x), pixel).r;
   float up = isnan(height) ? 0.0 : (height - u_up.x) * u_up.y;
   vec3 place = u_turn * vec3((v_at * 2.0 - 1.0) * vec2(u_half.x, -u_half.y), up);
   gl_Position = vec4(place.xy / u_half, -place.z / u_up.z, 1.0);
@@ -31,20 +34,21 @@ uniform vec3 u_sun; uniform vec4 u_range; uniform float u_exaggeration; uniform 
 uniform ivec2 u_size;
 in vec2 v_at;
 out vec4 colour;
-vec4 at(sampler2D map, vec2 place) { // the mean of four pixels, as the hillshade of each
+vec4 sample_of(int shown, ivec2 pixel) { return shown < 0 ? texelFetch(u_image, pixel, 0) : ground(shown, pixel); }
+vec4 at(int shown, vec2 place) { // the mean of four pixels, as the hillshade of each; below 0: of the image
   vec2 p = clamp(place * vec2(u_size) - 0.5, vec2(0.0), vec2(u_size - 1));
   ivec2 i = ivec2(p), j = min(i + 1, u_size - 1); vec2 f = p - vec2(i);
-  return mix(mix(texelFetch(map, i, 0), texelFetch(map, ivec2(j.x, i.y), 0), f.x),
-             mix(texelFetch(map, ivec2(i.x, j.y), 0), texelFetch(map, j, 0), f.x), f.y);
+  return mix(mix(sample_of(shown, i), sample_of(shown, ivec2(j.x, i.y)), f.x),
+             mix(sample_of(shown, ivec2(i.x, j.y)), sample_of(shown, j), f.x), f.y);
 }
 void main() {
-  int shown = layer(v_at.x);
+  int shown = slot(v_at.x);
   vec3 found;
-  if (shown == 0) {
-    float grey = (at(u_image, v_at).r - u_range.z) / (u_range.w - u_range.z);
+  if (shown == 0 ? u_grey[0] : shown == 1 ? u_grey[1] : u_grey[2]) {
+    float grey = (at(-1, v_at).r - u_range.z) / (u_range.w - u_range.z);
     found = vec3(isnan(grey) ? 0.0 : clamp(grey, 0.0, 1.0));
   } else {
-    vec4 s = shown == 1 ? at(u_coarse, v_at) : at(u_result, v_at);
+    vec4 s = at(shown, v_at);
     if (!(s.w > 0.0) || isnan(s.x)) { colour = vec4(0.0, 0.0, 0.0, 1.0); return; }
     vec2 slope = s.yz / s.w * u_exaggeration;
     float light = (1.0 + 254.0 * max(0.0, dot(normalize(vec3(-slope.x, slope.y, 1.0)), u_sun))) / 255.0;
@@ -63,23 +67,25 @@ export function withGl(canvas) {
   const place = (name) => gl.getUniformLocation(program, name);
   gl.useProgram(program);
   gl.enable(gl.DEPTH_TEST);
-  ["u_result", "u_coarse", "u_image", "u_hazard", "u_ramp"].forEach((name, unit) => gl.uniform1i(place(name), unit));
-  texture(gl, 4, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, 256, 1, ramp());
-  let maps;
+  gl.uniform1iv(place("u_ground"), [0, 1, 2]);
+  ["u_image", "u_hazard", "u_ramp"].forEach((name, k) => gl.uniform1i(place(name), 3 + k));
+  texture(gl, 5, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, 256, 1, ramp());
+  let [maps, grounds] = [undefined, []];
 
   return {
     name: "WebGL",
-    /** Takes maps: rows, cols, surfaces of result and coarse DTM (shading.js), image. */
+    /** Takes maps: rows, cols, pixel, layers ({image} or {surface}, see shading.js), main (the layer whose ground the image lies on). */
     take(taken) {
       maps = taken;
-      const { rows, cols } = maps;
-      texture(gl, 0, gl.RGBA32F, gl.RGBA, gl.FLOAT, cols, rows, maps.result);
-      texture(gl, 1, gl.RGBA32F, gl.RGBA, gl.FLOAT, cols, rows, maps.coarse);
-      texture(gl, 2, gl.R32F, gl.RED, gl.FLOAT, cols, rows, maps.image);
+      grounds.forEach((ground) => gl.deleteTexture(ground));
+      grounds = [];
+      const image = maps.layers.find(({ image }) => image)?.image ?? new Float32Array(maps.rows * maps.cols);
+      texture(gl, 3, gl.R32F, gl.RED, gl.FLOAT, maps.cols, maps.rows, image);
+      this.lay(new Uint8Array(4 * maps.rows * maps.cols));
     },
     /** Takes the colours laid over the ground: RGBA bytes. */
     lay(colours) {
-      texture(gl, 3, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, maps.cols, maps.rows, colours);
+      texture(gl, 4, gl.RGBA, gl.RGBA, gl.UNSIGNED_BYTE, maps.cols, maps.rows, colours);
     },
     draw(view) {
       const { rows, cols, row_m, col_m } = maps;
@@ -93,9 +99,9 @@ export function withGl(canvas) {
       gl.uniform2f(place("u_half"), ...half);
       gl.uniform3f(place("u_up"), (view.range[0] + view.range[1]) / 2, view.exaggeration, 4 * (half[0] + half[1]));
       gl.uniformMatrix3fv(place("u_turn"), false, turned(view.tilt_deg, view.turn_deg));
-      gl.uniform1i(place("u_left"), view.left);
-      gl.uniform1i(place("u_right"), view.right);
-      gl.uniform1f(place("u_divide"), view.divide);
+      gl.uniform1iv(place("u_grey"), view.slots.map((layer) => (maps.layers[layer].image ? 1 : 0)));
+      gl.uniform2f(place("u_divide"), ...view.divide);
+      view.slots.forEach((layer, slot) => show(maps.layers[layer].image ? maps.main : layer, slot));
       gl.uniform3f(place("u_sun"), ...sunVector(view.azimuth_deg, view.elevation_deg));
       gl.uniform4f(place("u_range"), ...view.range, ...view.image_range);
       gl.uniform1f(place("u_exaggeration"), view.exaggeration);
@@ -103,6 +109,16 @@ export function withGl(canvas) {
       gl.drawArrays(gl.TRIANGLES, 0, 6 * cells[0] * cells[1]);
     },
   };
+
+  /** Puts the ground of a layer into a slot. A layer that nobody looks at needs no memory of the card. */
+  function show(layer, slot) {
+    if (grounds[layer]) {
+      gl.activeTexture(gl.TEXTURE0 + slot);
+      gl.bindTexture(gl.TEXTURE_2D, grounds[layer]);
+    } else {
+      grounds[layer] = texture(gl, slot, gl.RGBA32F, gl.RGBA, gl.FLOAT, maps.cols, maps.rows, maps.layers[layer].surface());
+    }
+  }
 }
 
 /** Columns of a matrix: turned about the vertical, then tilted back. */
@@ -114,7 +130,8 @@ function turned(tilt_deg, turn_deg) {
 
 function texture(gl, unit, inside, format, type, cols, rows, data) {
   gl.activeTexture(gl.TEXTURE0 + unit);
-  gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
   const filter = type === gl.FLOAT ? gl.NEAREST : gl.LINEAR;
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, filter);
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, filter);
@@ -122,6 +139,7 @@ function texture(gl, unit, inside, format, type, cols, rows, data) {
   gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_WRAP_T, gl.CLAMP_TO_EDGE);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   gl.texImage2D(gl.TEXTURE_2D, 0, inside, cols, rows, 0, format, type, data);
+  return made;
 }
 
 function link(gl) {

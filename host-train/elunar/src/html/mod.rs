@@ -1,7 +1,11 @@
-//! HTML elements of a page.
+//! HTML elements of a page, and the style that all pages share.
+
+mod packed;
+mod relief;
 
 use base64::Engine;
 use elunar_base::{Result, read};
+pub use relief::{LONGEST_PX, LayerRole, ReliefLayer, ReliefScene, relief};
 use std::path::PathBuf;
 
 /// A picture in a page.
