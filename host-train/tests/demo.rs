@@ -38,7 +38,6 @@ fn embedded(page: &str) -> Vec<Vec<u8>> {
     data.map(|text| base64::engine::general_purpose::STANDARD.decode(text).unwrap()).collect()
 }
 
-#[expect(clippy::too_many_lines, reason = "one tour is expensive: all that is told of it in one test")]
 #[test]
 fn a_tour_tells_everything_in_one_page_and_a_second_one_replaces_only_its_own() {
     let out = tempfile::tempdir().unwrap();
