@@ -32,6 +32,7 @@ lint() {
     cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --package elunar-core --package elunar-capi
     core/docs/api.py "$target/doc" # the public interface is the one that is written down
+    onboard/capi/misra.py          # what MISRA C finds in the C code is listed with its reasons
 }
 
 # What is built in: licences, sources, duplicates, and known faults where the database can be had.
