@@ -2,6 +2,7 @@
 //! `verification.csv` beside it exist, and that every C function and every source file of the C interface has a requirement.
 
 mod pages;
+use pages::items::{exists, functions, implements};
 use pages::{read, repository};
 
 /// A requirement of the page.
@@ -54,61 +55,6 @@ fn rows<'t>(table: &'t str) -> Vec<Row<'t>> {
         .collect()
 }
 
-/// What may stand before a name that Rust declares.
-const KINDS: [&str; 7] = ["fn", "struct", "enum", "trait", "const", "static", "macro_rules!"];
-
-/// Whether a line of a file declares an item: any of Rust, a function of C, Python or a script, a table of TOML.
-fn declares(path: &str, line: &str, name: &str) -> bool {
-    let goes_on = |rest: &str| rest.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_');
-    match path.rsplit_once('.').unwrap_or_default().1 {
-        "rs" => KINDS.iter().any(|kind| {
-            let declared = line.split_once(&format!("{kind} {name}"));
-            declared.is_some_and(|(before, rest)| !before.contains("//") && !goes_on(rest))
-        }),
-        "c" => line.contains(&format!(" {name}(")) && !line.starts_with(' ') && !line.ends_with(';'),
-        "py" => line.starts_with(&format!("def {name}(")),
-        "sh" => line.starts_with(&format!("{name}() {{")),
-        "toml" => line == format!("[{name}]"),
-        _ => false,
-    }
-}
-
-/// Returns an error unless the code of a requirement exists: `path::item`, or a file. Tests are no code of a requirement.
-fn implements(item: &str) -> Result<(), String> {
-    let (path, name) = item.split_once("::").map_or((item, None), |(path, name)| (path, Some(name)));
-    if !repository().join(path).is_file() {
-        return Err(format!("{item}: no such file"));
-    }
-    if format!("/{path}").contains("/tests") {
-        return Err(format!("{item}: a test implements nothing"));
-    }
-    match name {
-        Some(name) if !read(path).lines().any(|line| declares(path, line, name)) => {
-            Err(format!("{item}: no such item"))
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Returns an error unless a verification, `path::name`, exists: a test in Rust, or a function of a script.
-fn exists(verification: &str) -> Result<(), String> {
-    let (path, name) = verification.split_once("::").ok_or(format!("{verification}: expected path::name"))?;
-    if !repository().join(path).is_file() {
-        return Err(format!("{verification}: no such file"));
-    }
-    let text = read(path);
-    let lines: Vec<&str> = text.lines().collect();
-    let script = path.ends_with(".sh");
-    let at = lines.iter().position(|line| declares(path, line, name));
-    let at = at.ok_or(format!("{verification}: no such function"))?;
-    // Attributes are before the function, one per line.
-    let attributes = lines[..at].iter().rev().take_while(|line| line.trim_start().starts_with("#["));
-    match script || attributes.into_iter().any(|line| line.trim() == "#[test]") {
-        true => Ok(()),
-        false => Err(format!("{verification}: no test")),
-    }
-}
-
 /// Returns the errors of a page and its table.
 fn complaints(page: &str, table: &str) -> Vec<String> {
     let all = match requirements(page) {
@@ -158,10 +104,7 @@ fn every_requirement_names_code_and_a_verification_that_exist() {
 fn without_requirement(header: &str, table: &str) -> Vec<String> {
     let rows = rows(table);
     let code: Vec<&str> = rows.iter().flat_map(|row| row.code.iter().copied()).collect();
-    let declared = header.lines().filter(|line| !line.starts_with([' ', '/', '#', '}']) && line.contains('('));
-    let functions =
-        declared.filter_map(|line| Some(format!("eld_{}", line.split_once(" eld_").or(line.split_once("*eld_"))?.1)));
-    let functions = functions.map(|function| format!("::{}", function.split('(').next().unwrap_or_default()));
+    let functions = functions(header).into_iter().map(|function| format!("::{function}"));
     let files = sources("onboard/capi/src").into_iter().filter(|path| !path.ends_with("/lib.rs"));
     functions
         .chain(files)
