@@ -99,7 +99,7 @@ fn the_page_has_the_figures_of_its_tables() {
         format!("[{} requirements]", rows("onboard/docs/verification.csv").len()),
         format!("[{} failure modes]", rows("onboard/docs/failure-modes.csv").len()),
         format!("{found} findings of {} rules", deviations.len()),
-        format!("[{} clauses]", standards.len()),
+        format!("[{} subjects]", standards.len()),
         format!("{} met, {} in part, {} left to the mission", state("met"), state("part"), state("mission")),
     ] {
         assert!(page.contains(&expected), "onboard/docs/review.md: expected '{expected}'");
