@@ -32,10 +32,12 @@ lint() {
     cargo clippy --locked --manifest-path "$flight" --workspace --target-dir "$target/flight" -- -D warnings
     RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --package elunar-core --package elunar-capi
     core/docs/api.py "$target/doc" # the public interface is the one that is written down
+    onboard/capi/misra.py          # what MISRA C finds in the C code is listed with its reasons
 }
 
-# What is built in: licences, sources, duplicates, and known faults where the database can be had.
+# What is built in: bills of materials, licences, sources, duplicates, and known faults where the database can be had.
 supply() {
+    onboard/flight/sbom.py "$target/sbom"
     if ! cargo deny --version >/dev/null 2>&1; then
         echo "SKIPPED: supply: cargo-deny is not here (cargo install cargo-deny --locked)"
         return

@@ -9,8 +9,8 @@ static service_t service;
 static uint32_t drops_told;
 
 static void tell(eld_status_t status) {
-    if (status != ELD_OK && status != ELD_RUNNING) platform_event(status, eld_status_text(status));
-    if (service.drops != drops_told) platform_dropped(status);
+    if (status != ELD_OK && status != ELD_RUNNING) { platform_event(status, eld_status_text(status)); }
+    if (service.drops != drops_told) { platform_dropped(status); }
     drops_told = service.drops;
 }
 
@@ -19,7 +19,7 @@ int duty_start(void) {
     const void *model = platform_model(&model_bytes);
     eld_status_t status;
     /* The linked library and the compiled header must have the same major version. */
-    if (eld_version() >> 16 != ELD_VERSION >> 16) return 0;
+    if (eld_version() >> 16 != (uint32_t)ELD_VERSION >> 16) { return 0; }
     status = service_start(&service, memory, sizeof memory, model, model_bytes);
     tell(status);
     return service.state != SERVICE_DOWN && (size_t)service.info.tile_rows * service.info.tile_cols <= DUTY_PX;
@@ -31,17 +31,17 @@ eld_status_t duty_cycle(void) {
     switch (service.state) {
     case SERVICE_DOWN:
         /* Both copies of the context are damaged: tile and counters are lost, and the model is validated again. */
-        duty_start();
+        (void)duty_start();
         return service.status;
     case SERVICE_WANTS_MODEL:
-        if (platform_reload_model()) status = service_model_reloaded(&service);
+        if (platform_reload_model() != 0) { status = service_model_reloaded(&service); }
         break;
     case SERVICE_READY:
         status = service_take(&service, heights_m, valid);
-        if (ELD_WORKED(status)) platform_heights(heights_m, valid, (size_t)service.info.tile_rows * service.info.tile_cols);
+        if (ELD_WORKED(status)) { platform_heights(heights_m, valid, (size_t)service.info.tile_rows * service.info.tile_cols); }
         break;
     case SERVICE_IDLE:
-        if (platform_next_tile(&tile)) {
+        if (platform_next_tile(&tile) != 0) {
             tile.struct_bytes = sizeof tile;
             status = service_give(&service, &tile);
             break;
@@ -59,5 +59,5 @@ eld_status_t duty_cycle(void) {
 void duty_housekeeping(void) {
     eld_telemetry_t telemetry;
     telemetry.struct_bytes = sizeof telemetry;
-    if (service.context != NULL && ELD_WORKED(eld_telemetry(service.context, &telemetry))) platform_housekeeping(&telemetry);
+    if (service.context != NULL && ELD_WORKED(eld_telemetry(service.context, &telemetry))) { platform_housekeeping(&telemetry); }
 }

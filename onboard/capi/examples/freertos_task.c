@@ -24,13 +24,13 @@ uint32_t terrain_heartbeat(void) { return heartbeat; }
 static void terrain_task(void *nothing) {
     TickType_t woken = xTaskGetTickCount();
     (void)nothing;
-    while (!duty_start()) {
+    while (duty_start() == 0) {
         heartbeat++;
         vTaskDelay(pdMS_TO_TICKS(1000u));
     }
     for (;;) {
-        duty_cycle();
-        if (++heartbeat % HOUSEKEEPING_CYCLES == 0) duty_housekeeping();
+        (void)duty_cycle();
+        if (++heartbeat % HOUSEKEEPING_CYCLES == 0u) { duty_housekeeping(); }
         /* The context belongs to this task. No other task calls the library with it, not even for telemetry. */
         vTaskDelayUntil(&woken, pdMS_TO_TICKS(TERRAIN_PERIOD_MS));
     }

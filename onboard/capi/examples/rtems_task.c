@@ -23,15 +23,15 @@ rtems_task terrain_task(rtems_task_argument nothing) {
     if (rtems_rate_monotonic_create(rtems_build_name('T', 'E', 'R', 'R'), &period) != RTEMS_SUCCESSFUL) {
         rtems_task_exit();
     }
-    while (!duty_start()) {
+    while (duty_start() == 0) {
         platform_kick_watchdog();
         (void)rtems_task_wake_after(rtems_clock_get_ticks_per_second());
     }
     for (;;) {
-        if (rtems_rate_monotonic_period(period, ticks) == RTEMS_TIMEOUT) overruns++;
-        duty_cycle();
+        if (rtems_rate_monotonic_period(period, ticks) == RTEMS_TIMEOUT) { overruns++; }
+        (void)duty_cycle();
         platform_kick_watchdog();
-        if (++cycle % HOUSEKEEPING_CYCLES == 0) duty_housekeeping();
+        if (++cycle % HOUSEKEEPING_CYCLES == 0u) { duty_housekeeping(); }
     }
 }
 

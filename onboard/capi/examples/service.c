@@ -1,6 +1,7 @@
 /* See service.h. */
 #include "service.h"
 
+#include <stdbool.h>
 #include <string.h>
 
 service_action_t service_action(eld_status_t status) {
@@ -13,7 +14,7 @@ service_action_t service_action(eld_status_t status) {
     case ELD_FAULT_CONTEXT_MOVED:
         return SERVICE_START_AGAIN;
     default:
-        if (ELD_WORKED(status)) return SERVICE_GO_ON;
+        if (ELD_WORKED(status)) { return SERVICE_GO_ON; }
         return ELD_SEVERITY(status) == ELD_REFUSED ? SERVICE_SKIP : SERVICE_BEGIN_AGAIN;
     }
 }
@@ -45,27 +46,28 @@ static void drop(service_t *service) {
 }
 
 /* Sets the state that a status requires, and begins again if that can help. The loop ends, because attempts are counted. */
-static eld_status_t respond(service_t *service, eld_status_t status) {
+static eld_status_t respond(service_t *service, eld_status_t first) {
+    eld_status_t status = first;
     for (;;) {
-        int at_work = service->state == SERVICE_SELF_TEST || service->state == SERVICE_TILE;
+        bool at_work = service->state == SERVICE_SELF_TEST || service->state == SERVICE_TILE;
         service->status = status;
         switch (service_action(status)) {
         case SERVICE_GO_ON:
             return status;
         case SERVICE_SKIP:
             /* The tile is refused permanently. */
-            if (service->state == SERVICE_TILE || service->state == SERVICE_READY) drop(service);
+            if (service->state == SERVICE_TILE || service->state == SERVICE_READY) { drop(service); }
             return status;
         case SERVICE_BEGIN_AGAIN:
             if (service->state == SERVICE_READY) {
                 /* The heights were lost before they were taken. */
                 service->state = SERVICE_TILE;
-                at_work = 1;
+                at_work = true;
             }
-            if (!at_work) return status;
+            if (!at_work) { return status; }
             if (service->attempts >= SERVICE_ATTEMPTS) {
-                if (service->state == SERVICE_SELF_TEST) service->state = SERVICE_FAILED;
-                else drop(service);
+                if (service->state == SERVICE_SELF_TEST) { service->state = SERVICE_FAILED; }
+                else { drop(service); }
                 return status;
             }
             status = begin(service);
@@ -78,6 +80,7 @@ static eld_status_t respond(service_t *service, eld_status_t status) {
             service->state = SERVICE_WANTS_MODEL;
             return status;
         case SERVICE_START_AGAIN:
+        default:
             service->state = SERVICE_DOWN;
             return status;
         }
@@ -95,7 +98,7 @@ eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes
     eld_tile_t tile = service->tile;
     int has_tile = service->has_tile;
     uint32_t drops = service->drops;
-    memset(service, 0, sizeof *service);
+    (void)memset(service, 0, sizeof *service);
     service->tile = tile;
     service->has_tile = has_tile;
     service->drops = drops;
@@ -105,15 +108,15 @@ eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes
     service->model_bytes = model_bytes;
     service->info.struct_bytes = sizeof service->info;
     service->status = eld_model_check(model, model_bytes, &service->info);
-    if (!ELD_WORKED(service->status)) return service->status;
+    if (!ELD_WORKED(service->status)) { return service->status; }
     service->status = eld_init(memory, memory_bytes, model, model_bytes, &service->context);
-    if (!ELD_WORKED(service->status)) return service->status;
+    if (!ELD_WORKED(service->status)) { return service->status; }
     return begin_first(service, SERVICE_SELF_TEST);
 }
 
 eld_pixels_t service_floats(const void *map, size_t bytes) {
     eld_pixels_t pixels;
-    memset(&pixels, 0, sizeof pixels);
+    (void)memset(&pixels, 0, sizeof pixels);
     pixels.data = map;
     pixels.data_bytes = bytes;
     pixels.format = ELD_PIXELS_F32;
@@ -122,19 +125,19 @@ eld_pixels_t service_floats(const void *map, size_t bytes) {
 }
 
 eld_status_t service_give(service_t *service, const eld_tile_t *tile) {
-    if (service->state != SERVICE_IDLE) return ELD_REFUSED_NOT_DONE;
+    if (service->state != SERVICE_IDLE) { return ELD_REFUSED_NOT_DONE; }
     service->tile = *tile;
     service->has_tile = 1;
     return begin_first(service, SERVICE_TILE);
 }
 
 eld_status_t service_self_test(service_t *service) {
-    if (service->state != SERVICE_IDLE) return ELD_REFUSED_NOT_DONE;
+    if (service->state != SERVICE_IDLE) { return ELD_REFUSED_NOT_DONE; }
     return begin_first(service, SERVICE_SELF_TEST);
 }
 
 eld_status_t service_scrub(service_t *service, size_t max_bytes) {
-    if (service->state == SERVICE_DOWN || service->state == SERVICE_WANTS_MODEL) return ELD_REFUSED_NOT_DONE;
+    if (service->state == SERVICE_DOWN || service->state == SERVICE_WANTS_MODEL) { return ELD_REFUSED_NOT_DONE; }
     return respond(service, eld_scrub(service->context, max_bytes));
 }
 
@@ -143,17 +146,17 @@ eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scru
     switch (service->state) {
     case SERVICE_SELF_TEST:
         status = eld_step(service->context, budget_macs);
-        if (!ELD_WORKED(status) || status == ELD_RUNNING) return respond(service, status);
+        if (!ELD_WORKED(status) || status == ELD_RUNNING) { return respond(service, status); }
         status = eld_self_test_check(service->context);
-        if (!ELD_WORKED(status)) return respond(service, status);
+        if (!ELD_WORKED(status)) { return respond(service, status); }
         service->doubted = 0;
         service->status = status;
         settle(service);
         return service->has_tile ? begin_first(service, SERVICE_TILE) : status;
     case SERVICE_TILE:
-        if (!service->begun) return respond(service, prepare(service, budget_macs));
+        if (!service->begun) { return respond(service, prepare(service, budget_macs)); }
         status = eld_step(service->context, budget_macs);
-        if (ELD_WORKED(status) && status != ELD_RUNNING) service->state = SERVICE_READY;
+        if (ELD_WORKED(status) && status != ELD_RUNNING) { service->state = SERVICE_READY; }
         return respond(service, status);
     case SERVICE_IDLE:
     case SERVICE_READY:
@@ -166,9 +169,9 @@ eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scru
 eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid) {
     size_t px = (size_t)service->info.tile_rows * service->info.tile_cols;
     eld_status_t status;
-    if (service->state != SERVICE_READY) return ELD_REFUSED_NOT_DONE;
-    status = eld_output(service->context, heights_m, px, valid, valid == NULL ? 0 : px);
-    if (!ELD_WORKED(status)) return respond(service, status);
+    if (service->state != SERVICE_READY) { return ELD_REFUSED_NOT_DONE; }
+    status = eld_output(service->context, heights_m, px, valid, valid == NULL ? 0u : px);
+    if (!ELD_WORKED(status)) { return respond(service, status); }
     service->has_tile = 0;
     settle(service);
     return status;
@@ -176,13 +179,14 @@ eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid) 
 
 eld_status_t service_model_reloaded(service_t *service) {
     eld_model_info_t info;
-    if (service->state != SERVICE_WANTS_MODEL) return ELD_REFUSED_NOT_DONE;
+    if (service->state != SERVICE_WANTS_MODEL) { return ELD_REFUSED_NOT_DONE; }
     info.struct_bytes = sizeof info;
     service->status = eld_model_check(service->model, service->model_bytes, &info);
-    if (!ELD_WORKED(service->status)) return service->status;
+    if (!ELD_WORKED(service->status)) { return service->status; }
     /* Another model needs another context, and possibly more memory. */
     if (info.header_crc != service->info.header_crc) {
-        return service->status = ELD_FAULT_MODEL_CHANGED;
+        service->status = ELD_FAULT_MODEL_CHANGED;
+        return service->status;
     }
     return begin_first(service, SERVICE_SELF_TEST);
 }

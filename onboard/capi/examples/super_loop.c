@@ -3,14 +3,14 @@
 #include "platform.h"
 
 int main(void) {
-    unsigned cycle = 0;
-    if (!duty_start()) return 1;
-    while (platform_goes_on()) {
+    unsigned cycle = 0u;
+    if (duty_start() == 0) { return 1; }
+    while (platform_goes_on() != 0) {
         /* One bounded piece of work, then the watchdog, which detects a call that does not return. */
-        duty_cycle();
+        (void)duty_cycle();
         platform_kick_watchdog();
         /* Counters from time to time. */
-        if (++cycle % 64 == 0) duty_housekeeping();
+        if (++cycle % 64u == 0u) { duty_housekeeping(); }
     }
     duty_housekeeping();
     return 0;

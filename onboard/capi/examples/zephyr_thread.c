@@ -20,19 +20,19 @@ static void terrain_thread(void *one, void *two, void *three) {
     (void)one;
     (void)two;
     (void)three;
-    while (!duty_start()) {
+    while (duty_start() == 0) {
         heartbeat++;
-        k_msleep(1000);
+        (void)k_msleep(1000);
     }
     for (;;) {
         const int64_t began_ms = k_uptime_get();
         int64_t left_ms;
-        duty_cycle();
-        if (++heartbeat % HOUSEKEEPING_CYCLES == 0) duty_housekeeping();
+        (void)duty_cycle();
+        if (++heartbeat % HOUSEKEEPING_CYCLES == 0u) { duty_housekeeping(); }
         /* The context belongs to this thread. */
         left_ms = TERRAIN_PERIOD_MS - (k_uptime_get() - began_ms);
-        if (left_ms > 0) k_msleep((int32_t)left_ms);
-        else k_yield();
+        if (left_ms > 0) { (void)k_msleep((int32_t)left_ms); }
+        else { k_yield(); }
     }
 }
 

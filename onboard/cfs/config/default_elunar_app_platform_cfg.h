@@ -22,10 +22,10 @@
 #endif
 /* Bytes of the largest model and of the largest context, and pixels of the largest tile: onboard/docs/budgets.md has those of nano. */
 #ifndef ELUNAR_APP_MODEL_BYTES
-#define ELUNAR_APP_MODEL_BYTES (6u << 20)
+#define ELUNAR_APP_MODEL_BYTES (6u * 1024u * 1024u)
 #endif
 #ifndef ELUNAR_APP_MEMORY_BYTES
-#define ELUNAR_APP_MEMORY_BYTES (9u << 18)
+#define ELUNAR_APP_MEMORY_BYTES (9u * 256u * 1024u)
 #endif
 #ifndef ELUNAR_APP_TILE_PX
 #define ELUNAR_APP_TILE_PX (256u * 320u)
@@ -35,7 +35,7 @@
 #define ELUNAR_APP_TILE_COLS 320u
 #endif
 #ifndef ELUNAR_APP_TERRAIN_BYTES
-#define ELUNAR_APP_TERRAIN_BYTES (16u << 10)
+#define ELUNAR_APP_TERRAIN_BYTES (16u * 1024u)
 #endif
 
 #endif

@@ -1,6 +1,8 @@
 //! Reads the pages of `onboard/docs`, for the tests that compare them with the code.
 #![allow(dead_code)] // each test file uses only some functions
 
+pub(crate) mod items;
+
 use std::path::{Path, PathBuf};
 
 pub(crate) fn repository() -> PathBuf {
@@ -37,4 +39,20 @@ pub(crate) fn table(section: &str) -> Vec<Vec<String>> {
     lines
         .map(|line| line.split("  ").map(str::trim).filter(|cell| !cell.is_empty()).map(String::from).collect())
         .collect()
+}
+
+/// Returns the rows of a table of comma-separated values, without its head. A cell in quotation marks may contain commas.
+pub(crate) fn csv(table: &str) -> Vec<Vec<String>> {
+    let cells = |line: &str| {
+        let (mut cells, mut quoted) = (vec![String::new()], false);
+        for c in line.chars() {
+            match c {
+                '"' => quoted = !quoted,
+                ',' if !quoted => cells.push(String::new()),
+                c => cells.last_mut().unwrap().push(c),
+            }
+        }
+        cells
+    };
+    table.lines().skip(1).map(cells).collect()
 }

@@ -13,7 +13,7 @@ static bool InLimits(float Value, float Low, float High) {
 /* Validates a table before table services activate it. */
 static int32 ValidateTable(void *TblPtr) {
     const ELUNAR_APP_Table_t *Table = TblPtr;
-    bool                      Good  = Table->StepBudgetMacs > 0 && Table->ScrubBytes > 0 && ELUNAR_APP_FootprintFits(Table) &&
+    bool                      Good  = Table->StepBudgetMacs > 0u && Table->ScrubBytes > 0u && ELUNAR_APP_FootprintFits(Table) &&
                 InLimits(Table->MinSunElevationDeg, 0.0f, 90.0f) &&
                 InLimits(Table->MaxSunElevationDeg, 0.0f, 90.0f) && Table->MinSunElevationDeg < Table->MaxSunElevationDeg;
     if (!Good) {
@@ -32,7 +32,7 @@ bool ELUNAR_APP_RefreshLimits(void) {
         CFE_EVS_SendEvent(ELUNAR_APP_TBL_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: no table, RC = 0x%08lX", (unsigned long)Status);
         return false;
     }
-    memcpy(&ELUNAR_APP_Data.Limits, Address, sizeof ELUNAR_APP_Data.Limits);
+    (void)memcpy(&ELUNAR_APP_Data.Limits, Address, sizeof ELUNAR_APP_Data.Limits);
     CFE_TBL_ReleaseAddress(ELUNAR_APP_Data.TableHandle);
     return true;
 }
@@ -63,7 +63,9 @@ static CFE_Status_t InitBus(void) {
 static void TellStartup(const char *WhyNot) {
     const service_t   *Service = &ELUNAR_APP_Data.Service;
     const uint32       Version = eld_version();
-    const unsigned int Major = Version >> 16, Minor = (Version >> 8) & 255u, Patch = Version & 255u;
+    const unsigned int Major   = Version >> 16;
+    const unsigned int Minor   = (Version >> 8) & 255u;
+    const unsigned int Patch   = Version & 255u;
     char               Kernel[64];
     if (!ELD_WORKED(eld_kernel_name(Kernel, sizeof Kernel))) {
         Kernel[0] = 0;
@@ -86,7 +88,7 @@ static CFE_Status_t Init(void) {
         {ELUNAR_APP_FILE_ERR_EID, CFE_EVS_FIRST_16_STOP},
     };
     CFE_Status_t Status;
-    memset(&ELUNAR_APP_Data, 0, sizeof ELUNAR_APP_Data);
+    (void)memset(&ELUNAR_APP_Data, 0, sizeof ELUNAR_APP_Data);
     ELUNAR_APP_Data.RunStatus = CFE_ES_RunStatus_APP_RUN;
     Status = CFE_EVS_Register(Filters, (uint16)(sizeof Filters / sizeof Filters[0]), CFE_EVS_EventFilter_BINARY);
     if (Status != CFE_SUCCESS) {
@@ -102,7 +104,7 @@ static CFE_Status_t Init(void) {
         CFE_ES_WriteToSysLog("ELUNAR_APP: bus or table not there, RC = 0x%08lX\n", (unsigned long)Status);
         return Status;
     }
-    if (eld_version() >> 16 != ELD_VERSION >> 16) {
+    if (eld_version() >> 16 != (uint32_t)ELD_VERSION >> 16) {
         CFE_ES_WriteToSysLog("ELUNAR_APP: library version 0x%06lX, header 0x%06lX\n", (unsigned long)eld_version(), (unsigned long)ELD_VERSION);
         return -1;
     }

@@ -48,7 +48,7 @@ static bool SelfTest(void) {
 
 static bool Scrub(const ELUNAR_APP_Scrub_Payload_t *Payload) {
     /* One portion only, so that a command does not delay the bus. */
-    if (Payload->Bytes == 0 || Payload->Bytes > ELUNAR_APP_SCRUB_BYTES) {
+    if (Payload->Bytes == 0u || Payload->Bytes > ELUNAR_APP_SCRUB_BYTES) {
         CFE_EVS_SendEvent(ELUNAR_APP_LEN_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: expected 1 to %lu bytes to scrub, found %lu",
                           (unsigned long)ELUNAR_APP_SCRUB_BYTES, (unsigned long)Payload->Bytes);
         return false;
@@ -107,7 +107,7 @@ static void SendHousekeeping(void) {
     Hk->CommandErrorCounter = ELUNAR_APP_Data.CommandErrorCounter;
     Hk->State               = (uint8)Service->state;
     Hk->ModelSlot           = ELUNAR_APP_Data.ModelSlot;
-    Hk->RetryWakeups        = Waits ? ELUNAR_APP_Data.RetryWait : 0;
+    Hk->RetryWakeups        = Waits ? ELUNAR_APP_Data.RetryWait : 0u;
     Hk->LastStatus          = Service->status;
     Hk->TilesDropped        = Service->drops;
     /* Works with a damaged model. Without a context, the last known counters are sent. */
@@ -136,7 +136,7 @@ static void SendHousekeeping(void) {
     CFE_SB_TimeStampMsg(CFE_MSG_PTR(ELUNAR_APP_Data.Hk.TelemetryHeader));
     CFE_SB_TransmitMsg(CFE_MSG_PTR(ELUNAR_APP_Data.Hk.TelemetryHeader), true);
     /* Table updates take effect here. */
-    ELUNAR_APP_RefreshLimits();
+    (void)ELUNAR_APP_RefreshLimits();
 }
 
 void ELUNAR_APP_Dispatch(const CFE_SB_Buffer_t *Buffer) {

@@ -45,14 +45,14 @@ bool ELUNAR_APP_WriteFile(const char *Path, const void *First, size_t FirstBytes
     osal_id_t File;
     bool      Written;
     if (OS_OpenCreate(&File, Path, OS_FILE_FLAG_CREATE | OS_FILE_FLAG_TRUNCATE, OS_WRITE_ONLY) != OS_SUCCESS) {
-        Complain(Path, "cannot be made");
+        (void)Complain(Path, "cannot be made");
         return false;
     }
     Written = WriteAll(File, First, FirstBytes) && WriteAll(File, Second, SecondBytes);
     OS_close(File);
     if (!Written) {
         OS_remove(Path);
-        Complain(Path, "cannot be written");
+        (void)Complain(Path, "cannot be written");
     }
     return Written;
 }

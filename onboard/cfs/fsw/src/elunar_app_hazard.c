@@ -5,13 +5,13 @@
 #include <math.h>
 #include <string.h>
 
-static uint64_t Memory[(ELUNAR_APP_TERRAIN_BYTES + 7u) / 8u];
+static uint64_t TerrainMemory[(ELUNAR_APP_TERRAIN_BYTES + 7u) / 8u];
 static float    Line[ELUNAR_APP_TILE_COLS];
 static uint8_t  Hazard[ELUNAR_APP_TILE_COLS];
 
 static eld_terrain_options_t Options(const ELUNAR_APP_Table_t *Limits, uint32 Cols, float PixelM) {
     eld_terrain_options_t Asked;
-    memset(&Asked, 0, sizeof Asked);
+    (void)memset(&Asked, 0, sizeof Asked);
     Asked.struct_bytes = sizeof Asked;
     Asked.cols         = Cols;
     Asked.radius_px    = Limits->FootprintRadiusPx;
@@ -25,15 +25,15 @@ static eld_terrain_options_t Options(const ELUNAR_APP_Table_t *Limits, uint32 Co
 bool ELUNAR_APP_FootprintFits(const ELUNAR_APP_Table_t *Limits) {
     const eld_terrain_options_t Asked = Options(Limits, ELUNAR_APP_TILE_COLS, 1.0f);
     uint64_t                    Bytes = 0;
-    return eld_terrain_plan(&Asked, &Bytes) == ELD_OK && Bytes <= sizeof Memory;
+    return eld_terrain_plan(&Asked, &Bytes) == ELD_OK && Bytes <= sizeof TerrainMemory;
 }
 
 /* Adds up a line of the map. */
-static void Count(uint32 Cols, uint32 *ClassifiedPx, uint32 *HazardPx) {
+static void CountLine(uint32 Cols, uint32 *ClassifiedPx, uint32 *HazardPx) {
     uint32 Col;
     for (Col = 0; Col < Cols; Col++) {
-        *ClassifiedPx += (Hazard[Col] & ELD_HAZARD_UNKNOWN) == 0 ? 1u : 0u;
-        *HazardPx += Hazard[Col] != 0 && (Hazard[Col] & ELD_HAZARD_UNKNOWN) == 0 ? 1u : 0u;
+        *ClassifiedPx += (Hazard[Col] & (uint8_t)ELD_HAZARD_UNKNOWN) == 0u ? 1u : 0u;
+        *HazardPx += Hazard[Col] != 0u && (Hazard[Col] & (uint8_t)ELD_HAZARD_UNKNOWN) == 0u ? 1u : 0u;
     }
 }
 
@@ -44,16 +44,17 @@ eld_status_t ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const flo
     eld_terrain_t              *Terrain = NULL;
     eld_status_t                Status;
     uint64_t                    Row;
-    uint32                      Next = 0, Col;
+    uint32                      Next    = 0;
+    uint32                      Col;
     *ClassifiedPx = 0;
     *HazardPx     = 0;
     if (Cols > ELUNAR_APP_TILE_COLS) {
         return ELD_REFUSED_BUFFER;
     }
-    memset(&Maps, 0, sizeof Maps);
+    (void)memset(&Maps, 0, sizeof Maps);
     Maps.struct_bytes = sizeof Maps;
     Maps.hazard       = Hazard;
-    Status            = eld_terrain_init(Memory, sizeof Memory, &Asked, &Terrain);
+    Status            = eld_terrain_init(TerrainMemory, sizeof TerrainMemory, &Asked, &Terrain);
     while (ELD_WORKED(Status)) {
         if (Next < Rows) {
             for (Col = 0; Col < Cols; Col++) {
@@ -68,7 +69,7 @@ eld_status_t ELUNAR_APP_CountHazards(const ELUNAR_APP_Table_t *Limits, const flo
             }
         }
         if (ELD_WORKED(Status) && Status != ELD_NOTICE_NO_LINE) {
-            Count(Cols, ClassifiedPx, HazardPx);
+            CountLine(Cols, ClassifiedPx, HazardPx);
         }
     }
     return Status;

@@ -34,6 +34,8 @@ static void TellState(void) {
         CFE_EVS_SendEvent(ELUNAR_APP_FAILED_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: self test fails, heights are not to be used");
     } else if (ELUNAR_APP_Data.StateTold == SERVICE_SELF_TEST && (Service->state == SERVICE_IDLE || Service->state == SERVICE_TILE)) {
         CFE_EVS_SendEvent(ELUNAR_APP_IDLE_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: self test passed");
+    } else {
+        /* Other changes come with the event of their status. */
     }
     ELUNAR_APP_Data.StateTold = Service->state;
 }
@@ -63,17 +65,17 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
         ELUNAR_APP_ReadFile(Tile->CoarseFile, CoarseM, sizeof CoarseM, &Found[1]) != NULL) {
         return false;
     }
-    memset(&Given, 0, sizeof Given);
+    (void)memset(&Given, 0, sizeof Given);
     Given.struct_bytes      = sizeof Given;
     Given.pixel_m           = Tile->PixelM;
     Given.coarse_px         = Tile->CoarsePx;
     Given.sun_azimuth_deg   = Tile->SunAzimuthDeg;
     Given.sun_elevation_deg = Tile->SunElevationDeg;
     /* A file of another length is not this tile's image; the library refuses one that is too short. */
-    Given.image             = service_floats(Image, Found[0] == Px * sizeof(float) ? Found[0] : 0);
+    Given.image             = service_floats(Image, Found[0] == Px * sizeof(float) ? Found[0] : 0u);
     Given.coarse_m          = CoarseM;
     Given.coarse_len        = Found[1] / sizeof(float);
-    memcpy(ELUNAR_APP_Data.OutputFile, Tile->OutputFile, sizeof ELUNAR_APP_Data.OutputFile);
+    (void)memcpy(ELUNAR_APP_Data.OutputFile, Tile->OutputFile, sizeof ELUNAR_APP_Data.OutputFile);
     if (!ELUNAR_APP_Tell(service_give(Service, &Given))) {
         TellState();
         return false;
@@ -87,12 +89,13 @@ bool ELUNAR_APP_GiveTile(const ELUNAR_APP_ProcessTile_Payload_t *Tile) {
 static void Take(void) {
     service_t                  *Service = &ELUNAR_APP_Data.Service;
     ELUNAR_APP_HkTlm_Payload_t *Hk      = &ELUNAR_APP_Data.Hk.Payload;
-    const uint32                Rows = Service->info.tile_rows, Cols = Service->info.tile_cols;
-    const float                 PixelM = Service->tile.pixel_m;
+    const uint32                Rows    = Service->info.tile_rows;
+    const uint32                Cols    = Service->info.tile_cols;
+    const float                 PixelM  = Service->tile.pixel_m;
     if (!ELUNAR_APP_Tell(service_take(Service, HeightsM, Valid)) || Service->state != SERVICE_IDLE) {
         return;
     }
-    ELUNAR_APP_Tell(ELUNAR_APP_CountHazards(&ELUNAR_APP_Data.Limits, HeightsM, Valid, Rows, Cols, PixelM, &Hk->ClassifiedPx, &Hk->HazardPx));
+    (void)ELUNAR_APP_Tell(ELUNAR_APP_CountHazards(&ELUNAR_APP_Data.Limits, HeightsM, Valid, Rows, Cols, PixelM, &Hk->ClassifiedPx, &Hk->HazardPx));
     if (ELUNAR_APP_WriteFile(ELUNAR_APP_Data.OutputFile, HeightsM, (size_t)Rows * Cols * sizeof HeightsM[0], Valid, (size_t)Rows * Cols)) {
         Hk->TilesWritten++;
         CFE_EVS_SendEvent(ELUNAR_APP_HEIGHTS_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: %s written, %lu of %lu pixels are hazards",
@@ -116,7 +119,7 @@ void ELUNAR_APP_Wakeup(void) {
             break;
         default:
             /* One step, or one portion of scrubbing. */
-            ELUNAR_APP_Tell(service_cycle(Service, ELUNAR_APP_Data.Limits.StepBudgetMacs, ELUNAR_APP_Data.Limits.ScrubBytes));
+            (void)ELUNAR_APP_Tell(service_cycle(Service, ELUNAR_APP_Data.Limits.StepBudgetMacs, ELUNAR_APP_Data.Limits.ScrubBytes));
             break;
     }
     /* Only a model that passed its self test ends the waiting: one that fails it again and again is loaded ever more seldom, too. */
