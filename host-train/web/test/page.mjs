@@ -6,7 +6,7 @@ import assert from "node:assert/strict";
 import { execFileSync } from "node:child_process";
 import { copyFileSync, mkdirSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
 import { tmpdir } from "node:os";
-import { join } from "node:path";
+import { basename, join } from "node:path";
 import { pathToFileURL } from "node:url";
 import { chromium } from "./chromium.mjs";
 import { serve } from "./server.mjs";
@@ -52,6 +52,31 @@ async function example(opened) {
   return { seconds, words, shades };
 }
 
+/** Gives files to an input. */
+async function give(opened, id, paths) {
+  const { root } = await opened.call("DOM.getDocument");
+  const { nodeId } = await opened.call("DOM.querySelector", { nodeId: root.nodeId, selector: `#${id}` });
+  await opened.call("DOM.setFileInputFiles", { nodeId, files: paths });
+  await opened.until(`document.querySelector("#drop-${id} output").textContent.includes(${JSON.stringify(basename(paths[0]))})`);
+}
+
+/** The scene of the golden flight tile, as a user's own files, with its truth. */
+async function own(opened) {
+  execFileSync(elunar, ["synth", "--out", "own", "--rows", "256", "--cols", "320", "--seed", "6", "--kind", "highland"], { cwd: work, stdio: "pipe" });
+  const file = (what) => join(work, "own", `scene_0000_${what}.tif`);
+  for (const what of ["image", "coarse", "truth"]) await give(opened, what, [file(what)]);
+  await opened.evaluate(`document.getElementById("status").textContent = ""; ${click("predict")}`);
+  await opened.until(done);
+  for (const what of ["image", "coarse"]) copyFileSync(file(what), join(work, basename(file(what))));
+  await natively(opened);
+  assert.ok((await base64(opened, "dtm.tif")).equals(readFileSync(join(work, "dtm.tif"))), "the bytes of `elunar predict` expected");
+  const scored = execFileSync(elunar, ["evaluate", "--json", "--dtm", "dtm.tif", "--truth", file("truth")], { cwd: work, stdio: ["ignore", "pipe", "pipe"] });
+  const [{ rmse_m }] = JSON.parse(scored).candidates;
+  const worst = await opened.evaluate("Math.max(...document.getElementById('profile').profile.map(({ height, truth }) => Math.abs(height - truth)))");
+  assert.ok(worst > 0 && worst < 10 * rmse_m, `the truth along the profile expected, found it ${worst} m away`);
+  assert.equal(await opened.evaluate("document.getElementById('slot-2').options.length"), 4);
+}
+
 /** The profile by two clicks. Returns its number of points. */
 async function profile(opened, words) {
   const inputs = words.slice(1, words.indexOf("--model"));
@@ -85,10 +110,7 @@ async function keys(opened) {
 async function refusals(opened) {
   const broken = join(work, "broken.tif");
   writeFileSync(broken, "no raster");
-  const { root } = await opened.call("DOM.getDocument");
-  const { nodeId } = await opened.call("DOM.querySelector", { nodeId: root.nodeId, selector: "#coarse" });
-  await opened.call("DOM.setFileInputFiles", { nodeId, files: [broken] });
-  await opened.until("document.querySelector('#drop-coarse output').textContent.includes('broken.tif')");
+  await give(opened, "coarse", [broken]);
   await opened.evaluate(click("predict"));
   const said = await opened.until("document.getElementById('errors').textContent");
   assert.match(said, /broken\.tif/);
@@ -118,6 +140,7 @@ try {
   for (const [id, value] of [["tilt", 55], ["turn", 25], ["exaggeration", 2], ["hazards", true]]) await opened.evaluate(set(id, value));
   writeFileSync(join(pictures, "page-1280-tilted.png"), await opened.picture());
   await keys(opened);
+  await own(opened);
   await refusals(opened);
   assert.deepEqual(opened.faults, []);
   await opened.close();

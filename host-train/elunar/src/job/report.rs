@@ -79,7 +79,9 @@ fn opening(args: &Request, record: &PredictionRecord, shown: &ReliefScene) -> St
         nearest_rank(&mut known, 0.5)
     });
     let how_good = match expected {
-        Some(sigma_m) => format!("Their errors are expected to have a standard deviation of {sigma_m:.2} m in the median."),
+        Some(sigma_m) => {
+            format!("Their errors are expected to have a standard deviation of {sigma_m:.2} m in the median.")
+        }
         None => "The errors to expect were not asked for (<code>--uncertainty</code>).".into(),
     };
     let reduced = if shown.rows < *rows {
