@@ -1,4 +1,4 @@
-//! Raw samples in a file, row after row, as in PDS3 images and `.npy` files behind their headers.
+//! Raw samples in a file, row after row or tile after tile, as in images with labels and `.npy` files behind their headers.
 
 use super::nodata::{self, Nodata};
 use super::source::{Info, Source, check_window};
@@ -62,16 +62,30 @@ pub(super) struct Layout {
     pub(super) cols: usize,
     /// Offset of the first sample, bytes.
     pub(super) start: u64,
-    /// Distance from one row's first sample to the next row's, bytes.
+    /// Distance from one row's first sample to the next row's, bytes; within a tile, if there are tiles.
     pub(super) row_bytes: u64,
+    /// Rows and columns of a tile, at least 1. Tiles follow each other from left to right, then downwards, those at the edges filled up.
+    pub(super) tile: Option<(usize, usize)>,
 }
 
 impl Layout {
-    /// Returns the offset behind the last sample; `None` beyond 2^64.
+    /// Returns the offset behind the last sample, or behind the last tile; `None` beyond 2^64.
     pub(super) fn end(&self) -> Option<u64> {
+        if let Some((rows, cols)) = self.tile {
+            let count = (self.rows.div_ceil(rows) as u64).checked_mul(self.cols.div_ceil(cols) as u64)?;
+            return self.start.checked_add(self.row_bytes.checked_mul(rows as u64)?.checked_mul(count)?);
+        }
         let last = (self.rows as u64).checked_sub(1)?.checked_mul(self.row_bytes)?;
         let row = (self.cols as u64).checked_mul(self.sample.bytes() as u64)?;
         self.start.checked_add(last)?.checked_add(row)
+    }
+
+    /// Returns the offset of a sample, and how many samples of its row follow each other there. The sample lies before [`Layout::end`].
+    fn run(&self, row: usize, col: usize) -> (u64, usize) {
+        let (rows, cols) = self.tile.unwrap_or((self.rows, self.cols));
+        let tile = (row / rows * self.cols.div_ceil(cols) + col / cols) as u64;
+        let within = (row % rows) as u64 * self.row_bytes + (col % cols * self.sample.bytes()) as u64;
+        (self.start + tile * rows as u64 * self.row_bytes + within, cols - col % cols)
     }
 }
 
@@ -156,19 +170,25 @@ impl Source for Binary {
     }
 
     fn read(&self, window: Window) -> Result<Vec<f32>> {
-        let Layout { rows, cols, sample, start, row_bytes, .. } = self.layout;
+        let Layout { rows, cols, sample, .. } = self.layout;
         check_window(window, rows, cols)?;
         let mut out = Vec::with_capacity(window.rows * window.cols);
         if window.rows == 0 || window.cols == 0 {
             return Ok(out);
         }
-        let mut line = vec![0; window.cols * sample.bytes()];
+        let mut line = vec![0; window.cols.min(self.layout.tile.map_or(cols, |tile| tile.1)) * sample.bytes()];
         // A reader that panicked leaves no bad state, because every read seeks first.
         let mut file = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         for row in window.row..window.row + window.rows {
-            let at = start + row as u64 * row_bytes + (window.col * sample.bytes()) as u64;
-            file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(&mut line)).map_err(Error::io(&self.path))?;
-            self.convert(&line, &mut out);
+            let (mut col, end) = (window.col, window.col + window.cols);
+            while col < end {
+                let (at, count) = self.layout.run(row, col);
+                let count = count.min(end - col);
+                let run = &mut line[..count * sample.bytes()];
+                file.seek(SeekFrom::Start(at)).and_then(|_| file.read_exact(run)).map_err(Error::io(&self.path))?;
+                self.convert(run, &mut out);
+                col += count;
+            }
         }
         Ok(out)
     }

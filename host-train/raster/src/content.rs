@@ -1,7 +1,7 @@
 //! Hashes of the contents of rasters' files.
 
 use crate::format::Format;
-use crate::{mask, pds3};
+use crate::{isis, mask, pds3};
 use elunar_base::Result;
 use elunar_base::digest::sha256_while;
 use std::path::{Path, PathBuf};
@@ -25,24 +25,29 @@ pub fn sha256_of_raster_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result
     Ok(hashes.join("+"))
 }
 
-/// Returns the files of a raster: one, or a PDS3 label and the image that it describes; and the mask beside it.
+/// Returns the files of a raster: one, or a label and the image that it describes; and the mask beside it.
 ///
 /// # Errors
 /// [`elunar_base::Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
 pub fn files_of_raster(path: &Path) -> Result<Vec<PathBuf>> {
     let label = match Format::of(path)? {
+        Format::Isis => return Ok(described(path, path, isis::image_of(path)?)),
         Format::Pds3 => Some(path.to_path_buf()),
         Format::Unknown(_) => pds3::label_beside(path)?,
         _ => None,
     };
-    let mut files = match label {
-        Some(label) => vec![pds3::image_of(&label)?, label],
-        None => vec![path.into()],
-    };
-    files.reverse();
+    Ok(match label {
+        Some(label) => described(path, &label, pds3::image_of(&label)?),
+        None => [Some(path.into()), mask::beside(path)].into_iter().flatten().collect(),
+    })
+}
+
+/// Returns a label, the image that it describes unless it is in the label's file, and the mask beside the file that the user names.
+fn described(path: &Path, label: &Path, image: PathBuf) -> Vec<PathBuf> {
+    let mut files = vec![label.to_path_buf(), image];
     files.dedup();
     files.extend(mask::beside(path));
-    Ok(files)
+    files
 }
 
 #[cfg(test)]

@@ -15,6 +15,8 @@ pub enum Format {
     Tiff,
     /// PDS3 label, detached or in front of its image.
     Pds3,
+    /// ISIS cube, or its label.
+    Isis,
     /// NumPy array.
     Npy,
     /// Known, and readable by GDAL, but not by this program; its description.
@@ -50,7 +52,9 @@ impl Format {
         } else if is_xml(text) {
             Self::Convertible("an XML file, a PDS4 label perhaps")
         } else if is_cube(text) {
-            Self::Convertible("an ISIS cube")
+            Self::Isis
+        } else if is_old_cube(text) {
+            Self::Convertible("an ISIS cube of version 2")
         } else if pds3::is_label(head) {
             Self::Pds3
         } else {
@@ -70,9 +74,18 @@ fn contains(text: &[u8], word: &[u8]) -> bool {
 
 /// Returns whether the text begins with `Object = IsisCube`, in any case and spacing.
 fn is_cube(text: &[u8]) -> bool {
+    opens(text, b"OBJECT=ISISCUBE")
+}
+
+/// Returns whether the text begins as cubes of version 2 do.
+fn is_old_cube(text: &[u8]) -> bool {
+    opens(text, b"OBJECT=QUBE")
+}
+
+fn opens(text: &[u8], block: &[u8]) -> bool {
     let line = text.split(|&b| b == b'\n').next().unwrap_or(&[]);
     let line: Vec<u8> = line.iter().filter(|b| !b.is_ascii_whitespace()).map(u8::to_ascii_uppercase).collect();
-    line.starts_with(b"OBJECT=ISISCUBE") || line.starts_with(b"OBJECT=QUBE")
+    line.starts_with(block)
 }
 
 /// Reads the first bytes of a file, at least one.
@@ -111,7 +124,7 @@ mod tests {
             (b"\x93NUMPY\x01\0", Format::Npy),
             (b"\r\n/* a comment */ PDS_VERSION_ID = PDS3\r\n", Format::Pds3),
             (b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nPDS_VERSION_ID = PDS3", Format::Pds3),
-            (b"Object = IsisCube\n  Object = Core", Format::Convertible("an ISIS cube")),
+            (b"Object = IsisCube\n  Object = Core", Format::Isis),
             (b"\xEF\xBB\xBF<?xml version", Format::Convertible("an XML file, a PDS4 label perhaps")),
             (b"<VRTDataset rasterXSize=\"5\"", Format::Convertible("a GDAL VRT, which names other files")),
             (b"<?xml version=\"1.0\"?>\n<VRTDataset>", Format::Convertible("a GDAL VRT, which names other files")),
@@ -134,7 +147,7 @@ mod tests {
             text
         };
         assert!(refused("empty.tif", b"").contains("empty file"));
-        assert!(refused("a.cub", b"Object = IsisCube\n").contains("gdal_translate -of GTiff"));
+        assert!(refused("a.cub", b"OBJECT = QUBE\n").contains("gdal_translate -of GTiff"));
         assert!(refused("a.jp2", b"\xFF\x4F\xFF\x51").contains("JPEG 2000 image; convert it first: gdal_translate"));
         assert!(refused("a.xml", b"<?xml version=\"1.0\"?>").contains("gdal_translate"));
         let text = refused("a.vrt", b"<VRTDataset>");

@@ -88,7 +88,7 @@ impl Header {
         let size = |n: u64| usize::try_from(n).ok().filter(|&n| n > 0);
         match (size(rows), size(cols), cols.checked_mul(sample.bytes() as u64)) {
             (Some(rows), Some(cols), Some(row_bytes)) => {
-                Ok(Layout { sample, big_endian, rows, cols, start, row_bytes })
+                Ok(Layout { sample, big_endian, rows, cols, start, row_bytes, tile: None })
             }
             _ => Err(format!("an array with samples expected, found shape {:?}", self.shape)),
         }

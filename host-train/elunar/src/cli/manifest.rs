@@ -144,7 +144,8 @@ fn of_images(images: &[PathBuf]) -> Result<Vec<Fields>> {
 fn is_image(path: &Path) -> bool {
     let extension = path.extension().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
     let has_label = || ["lbl", "LBL"].iter().any(|label| path.with_extension(label).exists());
-    path.is_file() && (matches!(extension.as_str(), "tif" | "tiff" | "lbl") || extension == "img" && !has_label())
+    let may_have_one = ["img", "cub"].contains(&extension.as_str());
+    path.is_file() && (matches!(extension.as_str(), "tif" | "tiff" | "lbl") || may_have_one && !has_label())
 }
 
 /// Passes on the rows of a table, one after the other.

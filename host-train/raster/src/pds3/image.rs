@@ -1,17 +1,16 @@
 //! The image that a label describes.
 
+use super::super::GeoRef;
 use super::super::binary::{Binary, Layout, Meaning, Sample};
+use super::super::relabelled::{Meant, Relabelled, is_tiff};
 use super::super::source::{Info, Source};
 use super::super::unit::Conversion;
-use super::super::{GeoRef, geotiff};
 use super::label::LabelBlock;
 use super::pointer::{Found, Pointer, resolve};
 use super::units::{self, Radius};
 use super::value::{Value, ValueKind};
-use super::{Defect, Refusal, place, read_label, sun};
+use super::{Defect, Refusal, place, read_label, sun, units::whole};
 use elunar_base::{Error, Result, read};
-use elunar_core::tile::Window;
-use std::io::Read;
 use std::path::Path;
 
 /// Greatest number of keywords in a warning.
@@ -55,7 +54,7 @@ pub fn open(path: &Path) -> Result<Box<dyn Source>> {
 /// As [`open`].
 pub(crate) fn image_of(label: &Path) -> Result<std::path::PathBuf> {
     let description = describe(&read_label(label)?).map_err(|refusal| refusal.of(label))?;
-    description.file.map_or_else(|| Ok(label.to_path_buf()), |name| resolve(label, &name))
+    description.file.map_or_else(|| Ok(label.to_path_buf()), |name| resolve(label, "^IMAGE", &name))
 }
 
 /// Opens an image as [`open`] does. Samples stored as `nodata` are invalid, too.
@@ -64,14 +63,18 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     let mut description = describe(&label).map_err(|refusal| refusal.of(path))?;
     description.missing.extend(nodata);
     let data = match &description.file {
-        Some(name) => resolve(path, name)?,
+        Some(name) => resolve(path, "^IMAGE", name)?,
         None => path.to_path_buf(),
     };
-    let mut file = read::file(&data)?;
-    let mut head = [0; 4];
-    let is_tiff = file.read_exact(&mut head).is_ok() && geotiff_magic(head);
-    if is_tiff && description.file.is_some() {
-        return Ok(Box::new(Relabelled::new(path, &data, &label, description)?));
+    let file = read::file(&data)?;
+    if is_tiff(&data)? && description.file.is_some() {
+        let (rows, cols) = (description.layout.rows, description.layout.cols);
+        let Description { missing, conversion, unit_in_file, georef, .. } = description;
+        let sun = sun::stated(&label, georef.is_some());
+        let warnings = warnings(&label);
+        let meant =
+            Meant { rows, cols, missing, conversion, unit_in_file, georef, sun, warnings, format: "PDS3 label" };
+        return Ok(Box::new(Relabelled::new(path, &data, meant)?));
     }
     let file_bytes = file.metadata().map_err(Error::io(&data))?.len();
     description.check_size(path, &data, file_bytes)?;
@@ -101,10 +104,6 @@ fn warnings(label: &LabelBlock) -> Vec<String> {
     }
     let line = || format!("keywords without a value, read as empty: {}", names.join(", "));
     if empty.is_empty() { vec![] } else { vec![line()] }
-}
-
-fn geotiff_magic(head: [u8; 4]) -> bool {
-    [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].contains(&&head)
 }
 
 impl Description {
@@ -138,7 +137,7 @@ impl Description {
 pub(super) fn describe(label: &LabelBlock) -> std::result::Result<Description, Refusal> {
     let Some(found) = Found::in_label(label)? else { return Err(no_image(label)) };
     let record_bytes = match found.nearest("RECORD_BYTES")? {
-        Some(item) => Some(whole("RECORD_BYTES", &item.value, item.line)?),
+        Some(item) => Some(whole(item)?),
         None => None,
     };
     let mut pointer = Pointer::parse(found.item, record_bytes)?;
@@ -196,7 +195,7 @@ fn collect_others(block: &LabelBlock, record_bytes: Option<u64>, image: &Pointer
 fn layout(image: &LabelBlock, start: u64) -> std::result::Result<Layout, Refusal> {
     let count = |key: &str, default: Option<u64>| -> std::result::Result<u64, Defect> {
         match (image.find(key)?, default) {
-            (Some(item), _) => whole(key, &item.value, item.line),
+            (Some(item), _) => whole(item),
             (None, Some(default)) => Ok(default),
             (None, None) => Err(Defect::missing(format!("{key} of the IMAGE expected, found none"))),
         }
@@ -222,7 +221,7 @@ fn layout(image: &LabelBlock, start: u64) -> std::result::Result<Layout, Refusal
     let size = |n: u64| usize::try_from(n).ok().filter(|&n| n > 0);
     match (size(rows), size(cols), row_bytes, start.checked_add(prefix)) {
         (Some(rows), Some(cols), Some(row_bytes), Some(start)) => {
-            Ok(Layout { sample, big_endian, rows, cols, start, row_bytes })
+            Ok(Layout { sample, big_endian, rows, cols, start, row_bytes, tile: None })
         }
         _ => {
             let what =
@@ -230,14 +229,6 @@ fn layout(image: &LabelBlock, start: u64) -> std::result::Result<Layout, Refusal
             Err(Defect::missing(what).into())
         }
     }
-}
-
-fn whole(key: &str, value: &Value, line: usize) -> std::result::Result<u64, Defect> {
-    let number = match value.kind {
-        ValueKind::Integer(n) | ValueKind::Based { value: n, .. } => u64::try_from(n).ok(),
-        _ => None,
-    };
-    number.ok_or_else(|| Defect::at(line, format!("a count as {key} expected, found {:?}", value.kind)))
 }
 
 /// Reads SAMPLE_TYPE and SAMPLE_BITS, with the synonyms of the PDS Data Dictionary. Integers of 8 bits are always unsigned: labels of
@@ -315,59 +306,5 @@ fn stored(value: &Value, sample: Sample) -> Option<f64> {
         (ValueKind::Based { value, .. }, Sample::F64) => Some(f64::from_bits(u64::try_from(*value).ok()?)),
         (_, Sample::F32) => value.number().map(|number| f64::from(number as f32)),
         _ => value.number(),
-    }
-}
-
-/// A TIFF with a label beside it. The TIFF determines the layout of its samples. The label gives their meaning, where the TIFF does not.
-struct Relabelled {
-    tiff: Box<dyn Source>,
-    meaning: Meaning,
-    info: Info,
-}
-
-impl Relabelled {
-    fn new(path: &Path, data: &Path, label: &LabelBlock, description: Description) -> Result<Self> {
-        let tiff = geotiff::open(data)?;
-        let Layout { rows, cols, .. } = description.layout;
-        let found = tiff.info();
-        if (found.rows, found.cols) != (rows, cols) {
-            let what = format!(
-                "{rows} x {cols} samples expected, found {} x {} in {}",
-                found.rows,
-                found.cols,
-                data.display()
-            );
-            return Err(Error::broken(path, what));
-        }
-        // A TIFF that names its unit has its own scale and offset, already applied.
-        let (scale, offset) = match found.unit {
-            Some(_) => (1.0, 0.0),
-            None => (description.conversion.scale, description.conversion.offset),
-        };
-        // The TIFF's samples come as floats, whatever it stores.
-        let meaning = Meaning::new(Sample::F32, description.missing.iter().copied(), scale, offset);
-        let georef = found.georef.clone().or(description.georef);
-        let info = Info {
-            unit: found.unit.clone().or_else(|| description.conversion.unit.clone()),
-            unit_in_file: found.unit_in_file.clone().or_else(|| description.unit_in_file.clone()),
-            warnings: warnings(label),
-            format: format!("{}, PDS3 label", found.format),
-            sun: found.sun.or(sun::stated(label, georef.is_some())),
-            georef,
-            ..found.clone()
-        };
-        Ok(Self { tiff, meaning, info })
-    }
-}
-
-impl Source for Relabelled {
-    fn info(&self) -> &Info {
-        &self.info
-    }
-
-    fn read(&self, window: Window) -> Result<Vec<f32>> {
-        let mut samples = self.tiff.read(window)?;
-        samples.iter_mut().for_each(|v| *v = self.meaning.apply_float(f64::from(*v)));
-        Ok(samples)
     }
 }

@@ -8,8 +8,8 @@ mod label;
 mod lexer;
 mod place;
 mod pointer;
-mod sun;
-mod units;
+pub(super) mod sun;
+pub(super) mod units;
 mod value;
 
 #[cfg(test)]
@@ -19,6 +19,7 @@ pub use image::open;
 pub(super) use image::{image_of, open_with};
 pub use label::{LabelBlock, LabelItem};
 pub use pointer::label_beside;
+pub(super) use pointer::resolve;
 pub use value::{Value, ValueKind};
 
 use elunar_base::{Error, Result, read};
@@ -39,11 +40,11 @@ pub struct Defect {
 }
 
 impl Defect {
-    fn at(line: usize, what: impl Into<String>) -> Self {
+    pub(super) fn at(line: usize, what: impl Into<String>) -> Self {
         Self { line, what: what.into() }
     }
 
-    fn missing(what: impl Into<String>) -> Self {
+    pub(super) fn missing(what: impl Into<String>) -> Self {
         Self::at(0, what)
     }
 
@@ -66,7 +67,7 @@ impl std::error::Error for Defect {}
 
 /// Reason for refusing a label: it contradicts itself, or it describes something unsupported.
 #[derive(Debug, Clone, PartialEq, Eq)]
-enum Refusal {
+pub(super) enum Refusal {
     Broken(Defect),
     Unsupported(String),
 }
@@ -79,7 +80,7 @@ impl From<Defect> for Refusal {
 
 impl Refusal {
     /// Makes an error about the label's file.
-    fn of(self, path: &Path) -> Error {
+    pub(super) fn of(self, path: &Path) -> Error {
         match self {
             Self::Broken(defect) => defect.of(path),
             Self::Unsupported(what) => Error::unsupported(path, one_line(&what)),
@@ -88,7 +89,7 @@ impl Refusal {
 }
 
 /// Replaces control characters by blanks, so that messages are one line.
-fn one_line(text: &str) -> String {
+pub(super) fn one_line(text: &str) -> String {
     text.chars().map(|c| if c.is_control() { ' ' } else { c }).collect()
 }
 

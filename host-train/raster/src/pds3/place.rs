@@ -1,9 +1,9 @@
 //! IMAGE_MAP_PROJECTION: the georeference of the image.
 
+use super::super::GeoRef;
 use super::super::binary::Layout;
-use super::super::crs::{ProjectionMethod, ProjectionParameters};
+use super::super::named_map::NamedMap;
 use super::super::unit::metres_per;
-use super::super::{Axes, Crs, GeoRef};
 use super::label::{LabelBlock, LabelItem};
 use super::units::{Radius, finite, length_m, number};
 use super::{Defect, Refusal};
@@ -11,40 +11,22 @@ use super::{Defect, Refusal};
 /// Greatest difference of MAP_SCALE and MAP_RESOLUTION, as a share. Both state the same size, and labels round both.
 const SAME_SCALE: f64 = 1e-3;
 
-/// A map projection of a label, as supported here.
-#[derive(Debug, Clone, Copy, PartialEq)]
-enum Projection {
-    Equirectangular {
-        lat_ts_deg: f64,
-    },
-    /// `lat_ts_deg` is the latitude of true scale; its sign gives the pole.
-    Polar {
-        lat_ts_deg: f64,
-    },
-    /// Of this kind, with its origin at the label's centre.
-    Ported {
-        kind: ProjectionMethod,
-        lat0_deg: f64,
-    },
-}
-
 /// Returns the georeference of an image: a reference system from the projection's keywords, a transform of pixel corners from its offsets.
 ///
 /// LINE_ and SAMPLE_PROJECTION_OFFSET count from the centre of the first pixel to the map's origin. Hence, for the outer corner of that
 /// pixel, x = -(S0 + 1/2) * scale and y = (L0 + 1/2) * scale, in all projections.
 pub(super) fn georef(block: &LabelBlock, layout: &Layout) -> Result<GeoRef, Refusal> {
     let radius_m = sphere(block)?;
-    let projection = projection(block)?;
+    let (map, line) = projection(block)?;
     refuse_turned(block)?;
     let scale_m = scale_m(block, radius_m)?;
-    let lon0_deg = number(block, "CENTER_LONGITUDE")?.unwrap_or(0.0);
     let offset = |key: &str| required(block, key).and_then(finite);
     let (row, col) = (offset("LINE_PROJECTION_OFFSET")?, offset("SAMPLE_PROJECTION_OFFSET")?);
     let transform = [-(col + 0.5) * scale_m, scale_m, 0.0, (row + 0.5) * scale_m, 0.0, -scale_m];
-    if let Projection::Equirectangular { .. } = projection {
+    let crs = map.crs(radius_m).map_err(|what| Refusal::Unsupported(format!("line {line}: {what}")))?;
+    if ["EQUIRECTANGULAR", "SIMPLECYLINDRICAL"].contains(&map.plain_name().as_str()) {
         check_latitude(block, transform[3], scale_m, radius_m, layout.rows)?;
     }
-    let crs = crs(projection, lon0_deg, radius_m);
     match crs.defect() {
         Some(defect) => Err(Defect::missing(defect).into()),
         None => Ok(GeoRef { transform, crs }),
@@ -70,30 +52,16 @@ fn sphere(block: &LabelBlock) -> Result<f64, Refusal> {
     Ok(radius.metres)
 }
 
-fn projection(block: &LabelBlock) -> Result<Projection, Refusal> {
+fn projection(block: &LabelBlock) -> Result<(NamedMap, usize), Refusal> {
     let item = required(block, "MAP_PROJECTION_TYPE")?;
-    let name = item.value.text().unwrap_or("").to_ascii_uppercase().replace('_', " ");
-    let lat_deg = number(block, "CENTER_LATITUDE")?.unwrap_or(0.0);
-    let ported = |kind| Projection::Ported { kind, lat0_deg: lat_deg };
-    match name.as_str() {
-        "EQUIRECTANGULAR" if lat_deg.abs() < 90.0 => Ok(Projection::Equirectangular { lat_ts_deg: lat_deg }),
-        "SIMPLE CYLINDRICAL" if lat_deg == 0.0 => Ok(Projection::Equirectangular { lat_ts_deg: 0.0 }),
-        "POLAR STEREOGRAPHIC" if lat_deg != 0.0 && lat_deg.abs() <= 90.0 => {
-            Ok(Projection::Polar { lat_ts_deg: lat_deg })
-        }
-        "ORTHOGRAPHIC" if lat_deg.abs() <= 90.0 => Ok(ported(ProjectionMethod::Orthographic)),
-        "TRANSVERSE MERCATOR" if lat_deg.abs() < 90.0 => Ok(ported(ProjectionMethod::TransverseMercator)),
-        "MERCATOR" if lat_deg == 0.0 => Ok(ported(ProjectionMethod::Mercator)),
-        "SINUSOIDAL" if lat_deg == 0.0 => Ok(ported(ProjectionMethod::Sinusoidal)),
-        _ => {
-            let read = "equirectangular, polar stereographic (centre off the equator), orthographic, transverse Mercator, \
-                        and simple cylindrical, Mercator and sinusoidal (centre on the equator) are read";
-            Err(Refusal::Unsupported(format!(
-                "line {}: projection {name}, centre latitude {lat_deg}; {read}",
-                item.line
-            )))
-        }
-    }
+    let map = NamedMap {
+        name: item.value.text().unwrap_or("").to_ascii_uppercase().replace('_', " "),
+        lat_deg: number(block, "CENTER_LATITUDE")?.unwrap_or(0.0),
+        lon_deg: number(block, "CENTER_LONGITUDE")?.unwrap_or(0.0),
+        scale: 1.0,
+        parallels_deg: None,
+    };
+    Ok((map, item.line))
 }
 
 fn refuse_turned(block: &LabelBlock) -> Result<(), Refusal> {
@@ -146,16 +114,4 @@ fn check_latitude(block: &LabelBlock, top_m: f64, scale_m: f64, radius_m: f64, r
         "MAXIMUM_LATITUDE {stated_deg} and LINE_PROJECTION_OFFSET to agree expected, the offset gives {found_deg:.6}"
     );
     Err(Defect::missing(what))
-}
-
-fn crs(projection: Projection, lon0_deg: f64, radius_m: f64) -> Crs {
-    match projection {
-        Projection::Equirectangular { lat_ts_deg } => {
-            Crs::equirectangular(radius_m, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
-        }
-        Projection::Polar { lat_ts_deg } => Crs::polar_stereographic(radius_m, lat_ts_deg, 1.0, lon0_deg, Axes::PLAIN),
-        Projection::Ported { kind, lat0_deg } => {
-            Crs::ported(radius_m, ProjectionParameters::new(kind, lat0_deg, lon0_deg, 1.0), Axes::PLAIN)
-        }
-    }
 }

@@ -104,10 +104,11 @@ impl<'a> Found<'a> {
     }
 }
 
-/// Finds the file `name` in the folder of the label, in any case. Archives were copied from systems without case.
-pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
+/// Finds the file `name`, as `key` of the label states it, in the folder of the label, in any case. Archives were copied from systems without
+/// case.
+pub(crate) fn resolve(label: &Path, key: &str, name: &str) -> Result<PathBuf> {
     if name.contains(['/', '\\']) {
-        return Err(Error::unsupported(label, format!("a file beside the label expected, ^IMAGE names {name:?}")));
+        return Err(Error::unsupported(label, format!("a file beside the label expected, {key} names {name:?}")));
     }
     let folder = folder_of(label);
     let exact = folder.join(name);
@@ -118,7 +119,7 @@ pub(super) fn resolve(label: &Path, name: &str) -> Result<PathBuf> {
     let mut others =
         entries.flatten().filter(|e| e.file_name().to_string_lossy().eq_ignore_ascii_case(name)).map(|e| e.path());
     let missing =
-        || Error::input(format!("{}: ^IMAGE names {}, no such file beside the label", label.display(), one_line(name)));
+        || Error::input(format!("{}: {key} names {}, no such file beside the label", label.display(), one_line(name)));
     others.next().ok_or_else(missing)
 }
 

@@ -23,12 +23,12 @@ pub(super) fn stated(label: &LabelBlock, mapped: bool) -> StatedSun {
     }
 }
 
-fn first<'a>(block: &'a LabelBlock, key: &str) -> Option<&'a LabelItem> {
+pub(crate) fn first<'a>(block: &'a LabelBlock, key: &str) -> Option<&'a LabelItem> {
     let here = block.items.iter().find(|item| item.key == key && !item.value.is_absent());
     here.or_else(|| block.blocks.iter().find_map(|inner| first(inner, key)))
 }
 
-fn moment(item: &LabelItem) -> Option<UtcTime> {
+pub(crate) fn moment(item: &LabelItem) -> Option<UtcTime> {
     match &item.value.kind {
         ValueKind::Time(text) | ValueKind::Text(text) => text.parse().ok(),
         _ => None,

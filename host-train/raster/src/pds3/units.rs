@@ -3,6 +3,7 @@
 use super::super::unit::{Conversion, conversion, metres_per};
 use super::Defect;
 use super::label::{LabelBlock, LabelItem};
+use super::value::ValueKind;
 
 /// Radius of the body's sphere.
 #[derive(Debug, Clone, Copy, PartialEq)]
@@ -23,7 +24,7 @@ impl Radius {
 }
 
 /// Returns a length in metres. `default` is the unit if none is stated.
-pub(super) fn length_m(item: &LabelItem, default: &str) -> Result<f64, Defect> {
+pub(crate) fn length_m(item: &LabelItem, default: &str) -> Result<f64, Defect> {
     let unit = item.value.unit.as_deref().unwrap_or(default);
     let metres = metres_per(unit).ok_or_else(|| {
         Defect::at(item.line, format!("{} in metres or kilometres expected, found <{unit}>", item.key))
@@ -32,9 +33,19 @@ pub(super) fn length_m(item: &LabelItem, default: &str) -> Result<f64, Defect> {
 }
 
 /// Returns a finite number.
-pub(super) fn finite(item: &LabelItem) -> Result<f64, Defect> {
+pub(crate) fn finite(item: &LabelItem) -> Result<f64, Defect> {
     let refuse = || Defect::at(item.line, format!("a number as {} expected, found {:?}", item.key, item.value.kind));
     item.value.number().filter(|v| v.is_finite()).ok_or_else(refuse)
+}
+
+/// Returns a count.
+pub(crate) fn whole(item: &LabelItem) -> Result<u64, Defect> {
+    let number = match item.value.kind {
+        ValueKind::Integer(n) | ValueKind::Based { value: n, .. } => u64::try_from(n).ok(),
+        _ => None,
+    };
+    number
+        .ok_or_else(|| Defect::at(item.line, format!("a count as {} expected, found {:?}", item.key, item.value.kind)))
 }
 
 /// Returns a number that may be missing.

@@ -122,7 +122,8 @@ pub(super) fn classify(word: &str) -> Result<ValueKind, String> {
     if is_time(word) {
         return Ok(ValueKind::Time(word.into()));
     }
-    if word.starts_with(|c: char| c.is_ascii_alphanumeric() || c == '_') {
+    // Words of ISIS may be paths: $lro/kernels/spk/a.bsp.
+    if word.starts_with(|c: char| c.is_ascii_alphanumeric() || "_$/".contains(c)) {
         return Ok(ValueKind::Symbol(word.into()));
     }
     Err(format!("a value expected, found {word:?}"))
