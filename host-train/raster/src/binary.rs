@@ -69,6 +69,17 @@ pub(super) struct Layout {
 }
 
 impl Layout {
+    /// Describes the stored numbers: `f32 little-endian, tiles of 128 x 128`.
+    pub(super) fn stored(&self) -> String {
+        let order = match (self.sample.bytes(), self.big_endian) {
+            (1, _) => "",
+            (_, true) => " big-endian",
+            (_, false) => " little-endian",
+        };
+        let tiles = self.tile.map_or_else(String::new, |(rows, cols)| format!(", tiles of {rows} x {cols}"));
+        format!("{}{order}{tiles}", self.sample.name())
+    }
+
     /// Returns the offset behind the last sample, or behind the last tile; `None` beyond 2^64.
     pub(super) fn end(&self) -> Option<u64> {
         if let Some((rows, cols)) = self.tile {

@@ -1,7 +1,7 @@
 //! Hashes of the contents of rasters' files.
 
 use crate::format::Format;
-use crate::{isis, mask, pds3};
+use crate::{isis, mask, pds3, pds4};
 use elunar_base::Result;
 use elunar_base::digest::sha256_while;
 use std::path::{Path, PathBuf};
@@ -32,6 +32,7 @@ pub fn sha256_of_raster_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result
 pub fn files_of_raster(path: &Path) -> Result<Vec<PathBuf>> {
     let label = match Format::of(path)? {
         Format::Isis => return Ok(described(path, path, isis::image_of(path)?)),
+        Format::Pds4 => return Ok(described(path, path, pds4::image_of(path)?)),
         Format::Pds3 => Some(path.to_path_buf()),
         Format::Unknown(_) => pds3::label_beside(path)?,
         _ => None,

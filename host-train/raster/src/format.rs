@@ -1,6 +1,6 @@
 //! File formats, recognised by the first bytes.
 
-use super::{npy, pds3};
+use super::{npy, pds3, pds4};
 use elunar_base::{Error, Result, read};
 use std::io::Read;
 use std::path::Path;
@@ -15,6 +15,8 @@ pub enum Format {
     Tiff,
     /// PDS3 label, detached or in front of its image.
     Pds3,
+    /// PDS4 label.
+    Pds4,
     /// ISIS cube, or its label.
     Isis,
     /// NumPy array.
@@ -49,6 +51,8 @@ impl Format {
             Self::Convertible("a PNG or JPEG picture")
         } else if text.starts_with(b"<VRTDataset") || is_xml(text) && contains(text, b"<VRTDataset") {
             Self::Convertible("a GDAL VRT, which names other files")
+        } else if is_xml(text) && contains(text, pds4::PRODUCT.as_bytes()) {
+            Self::Pds4
         } else if is_xml(text) {
             Self::Convertible("an XML file, a PDS4 label perhaps")
         } else if is_cube(text) {
@@ -118,7 +122,7 @@ mod tests {
 
     #[test]
     fn contents_decide() {
-        let cases: [(&[u8], Format); 11] = [
+        let cases: [(&[u8], Format); 12] = [
             (b"II*\0rest", Format::Tiff),
             (b"MM\0+rest", Format::Tiff),
             (b"\x93NUMPY\x01\0", Format::Npy),
@@ -126,6 +130,7 @@ mod tests {
             (b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nPDS_VERSION_ID = PDS3", Format::Pds3),
             (b"Object = IsisCube\n  Object = Core", Format::Isis),
             (b"\xEF\xBB\xBF<?xml version", Format::Convertible("an XML file, a PDS4 label perhaps")),
+            (b"<?xml version=\"1.0\"?>\n<Product_Observational xmlns", Format::Pds4),
             (b"<VRTDataset rasterXSize=\"5\"", Format::Convertible("a GDAL VRT, which names other files")),
             (b"<?xml version=\"1.0\"?>\n<VRTDataset>", Format::Convertible("a GDAL VRT, which names other files")),
             (b"\xFF\x4F\xFF\x51\0", Format::Convertible("a JPEG 2000 image")),

@@ -17,6 +17,7 @@ mod nodata;
 pub mod npy;
 mod pam;
 pub mod pds3;
+pub mod pds4;
 mod projection;
 mod relabelled;
 pub mod resample;
@@ -24,6 +25,7 @@ pub mod source;
 pub mod stated;
 pub mod sun;
 mod unit;
+mod xml;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
 pub use georef::{GeoRef, GeoTransform};

@@ -10,6 +10,8 @@ pub(crate) struct NamedMap {
     pub(crate) name: String,
     /// Latitude of the centre; that of true scale of equirectangular and polar maps.
     pub(crate) lat_deg: f64,
+    /// Latitude where y is 0, of equirectangular maps.
+    pub(crate) origin_deg: f64,
     /// Longitude of the centre, positive to the east.
     pub(crate) lon_deg: f64,
     /// Scale at the centre.
@@ -29,12 +31,19 @@ impl NamedMap {
     /// # Errors
     /// What is read, and what was found.
     pub(crate) fn crs(&self, radius_m: f64) -> Result<Crs, String> {
-        let Self { lat_deg, lon_deg, scale, parallels_deg, .. } = *self;
+        let Self { lat_deg, origin_deg, lon_deg, scale, parallels_deg, .. } = *self;
         let ported =
             |kind| Crs::ported(radius_m, ProjectionParameters::new(kind, lat_deg, lon_deg, scale), Axes::PLAIN);
-        let equirectangular = || Crs::equirectangular(radius_m, lat_deg, (0.0, lon_deg), Axes::PLAIN);
+        let equirectangular = || Crs::equirectangular(radius_m, lat_deg, (origin_deg, lon_deg), Axes::PLAIN);
         let crs = match (self.plain_name().as_str(), parallels_deg) {
-            _ if !(lat_deg.abs() <= 90.0 && lon_deg.is_finite() && scale > 0.0 && scale.is_finite()) => None,
+            _ if !(lat_deg.abs() <= 90.0
+                && origin_deg.abs() <= 90.0
+                && lon_deg.is_finite()
+                && scale > 0.0
+                && scale.is_finite()) =>
+            {
+                None
+            }
             ("EQUIRECTANGULAR", _) if lat_deg.abs() < 90.0 && scale == 1.0 => Some(equirectangular()),
             ("SIMPLECYLINDRICAL", _) if lat_deg == 0.0 && scale == 1.0 => Some(equirectangular()),
             ("POLARSTEREOGRAPHIC", _) if lat_deg.abs() == 90.0 || lat_deg != 0.0 && scale == 1.0 => {

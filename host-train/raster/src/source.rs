@@ -4,7 +4,7 @@ use super::format::{Format, describe};
 use super::mask::masked;
 use super::pam::told;
 use super::sun::StatedSun;
-use super::{GeoRef, Raster, geotiff, isis, npy, pds3};
+use super::{GeoRef, Raster, geotiff, isis, npy, pds3, pds4};
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::Path;
@@ -107,6 +107,7 @@ fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
         Format::Tiff => geotiff::open_with(path, nodata),
         Format::Pds3 => pds3::open_with(path, nodata),
         Format::Isis => isis::open_with(path, nodata),
+        Format::Pds4 => pds4::open_with(path, nodata),
         Format::Npy => npy::open_with(path, nodata),
         Format::Convertible(what) => {
             let name = path.display();
@@ -116,7 +117,7 @@ fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
         Format::Unknown(head) => match pds3::label_beside(path)? {
             Some(label) => pds3::open_with(&label, nodata),
             None => {
-                let what = "a GeoTIFF, a PDS3 label or image, an ISIS cube, or a .npy array expected";
+                let what = "a GeoTIFF, a PDS3 or PDS4 label or image, an ISIS cube, or a .npy array expected";
                 Err(Error::unsupported(path, format!("{what}, found {} and no PDS3 label beside it", describe(&head))))
             }
         },

@@ -76,18 +76,9 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
         return Err(Error::broken(path, format!("{image}, {needed} bytes in all, expected, found {found} bytes")));
     }
     let meaning = Meaning::new(sample, missing, conversion.scale, conversion.offset);
-    let info = Info { rows, cols, georef, unit: conversion.unit, format: format(&layout), sun, ..Info::default() };
+    let format = format!("ISIS cube, {}", layout.stored());
+    let info = Info { rows, cols, georef, unit: conversion.unit, format, sun, ..Info::default() };
     Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
-}
-
-fn format(layout: &Layout) -> String {
-    let order = match (layout.sample.bytes(), layout.big_endian) {
-        (1, _) => "",
-        (_, true) => " big-endian",
-        (_, false) => " little-endian",
-    };
-    let tiles = layout.tile.map_or_else(String::new, |(rows, cols)| format!(", tiles of {rows} x {cols}"));
-    format!("ISIS cube, {}{order}{tiles}", layout.sample.name())
 }
 
 fn describe(label: &LabelBlock) -> std::result::Result<Cube, Refusal> {

@@ -14,6 +14,7 @@ pub(super) fn georef(mapping: &LabelBlock) -> Result<GeoRef, Refusal> {
     let map = NamedMap {
         name: text(item)?,
         lat_deg: number(mapping, "CenterLatitude", 0.0)?,
+        origin_deg: 0.0,
         lon_deg: number(mapping, "CenterLongitude", 0.0)?,
         scale: number(mapping, "scaleFactor", 1.0)?,
         parallels_deg: parallels(mapping)?,

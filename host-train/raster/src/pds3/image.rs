@@ -81,13 +81,8 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     let meaning = description.meaning();
     let warnings = warnings(&label);
     let Description { file: named, layout, conversion, unit_in_file, georef, .. } = description;
-    let order = match (layout.sample.bytes(), layout.big_endian) {
-        (1, _) => "",
-        (_, true) => " big-endian",
-        (_, false) => " little-endian",
-    };
     let kind = if named.is_some() { "detached" } else { "attached" };
-    let format = format!("PDS3, {}{order}, {kind} label", layout.sample.name());
+    let format = format!("PDS3, {}, {kind} label", layout.stored());
     let sun = sun::stated(&label, georef.is_some());
     let (rows, cols, unit) = (layout.rows, layout.cols, conversion.unit);
     let info = Info { rows, cols, georef, unit, unit_in_file, format, sun, warnings };

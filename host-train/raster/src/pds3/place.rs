@@ -57,6 +57,7 @@ fn projection(block: &LabelBlock) -> Result<(NamedMap, usize), Refusal> {
     let map = NamedMap {
         name: item.value.text().unwrap_or("").to_ascii_uppercase().replace('_', " "),
         lat_deg: number(block, "CENTER_LATITUDE")?.unwrap_or(0.0),
+        origin_deg: 0.0,
         lon_deg: number(block, "CENTER_LONGITUDE")?.unwrap_or(0.0),
         scale: 1.0,
         parallels_deg: None,

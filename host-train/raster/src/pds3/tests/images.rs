@@ -376,5 +376,5 @@ fn real_image_files() {
     let text = open(&labels.join("LDEM_4.LBL")).err().unwrap().to_string();
     assert!(text.contains("^IMAGE names LDEM_4.IMG, no such file beside the label"), "{text}");
     let text = open(&labels.join("NAC_DTM_A12LMAS_VALID.xml")).err().unwrap().to_string();
-    assert!(text.contains("PDS4 label perhaps; convert"), "{text}");
+    assert!(text.contains("Array_3D in a File_Area_Observational expected, found none"), "{text}");
 }
