@@ -1,13 +1,17 @@
 //! Hashes of the contents of rasters' files.
 
 use crate::format::Format;
-use crate::{isis, mask, pds3, pds4};
+use crate::{isis, mask, pds3, pds4, vrt};
 use elunar_base::Result;
-use elunar_base::digest::sha256_while;
+use elunar_base::digest::{sha256_hex, sha256_while};
 use std::path::{Path, PathBuf};
 
+/// Most hashes that are joined (our choice).
+pub const MOST_HASHES: usize = 8;
+
 /// Returns the SHA-256 of a raster's files, hexadecimal. A PDS3 product of a label and an image has two, joined by `+`, as the user names
-/// the one or the other. A mask has one more.
+/// the one or the other. A mask has one more, and so has every file that a VRT names. Of more than [`MOST_HASHES`] files the result is the hash
+/// of these hashes.
 ///
 /// # Errors
 /// [`elunar_base::Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
@@ -22,16 +26,17 @@ pub fn sha256_of_raster(path: &Path) -> Result<String> {
 pub fn sha256_of_raster_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result<String> {
     let hashes: Vec<String> =
         files_of_raster(path)?.iter().map(|file| sha256_while(file, goes_on)).collect::<Result<_>>()?;
-    Ok(hashes.join("+"))
+    Ok(if hashes.len() > MOST_HASHES { sha256_hex(hashes.join("+")) } else { hashes.join("+") })
 }
 
-/// Returns the files of a raster: one, or a label and the image that it describes; and the mask beside it.
+/// Returns the files of a raster: one, a label and the image that it describes, or a VRT and the files that it names; and their masks.
 ///
 /// # Errors
 /// [`elunar_base::Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
 pub fn files_of_raster(path: &Path) -> Result<Vec<PathBuf>> {
     let label = match Format::of(path)? {
         Format::Isis => return Ok(described(path, path, isis::image_of(path)?)),
+        Format::Vrt => return vrt::files(path, 0),
         Format::Pds4 => return Ok(described(path, path, pds4::image_of(path)?)),
         Format::Pds3 => Some(path.to_path_buf()),
         Format::Unknown(_) => pds3::label_beside(path)?,

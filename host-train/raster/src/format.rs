@@ -15,6 +15,8 @@ pub enum Format {
     Tiff,
     /// PDS3 label, detached or in front of its image.
     Pds3,
+    /// GDAL's virtual raster: an XML file that names others.
+    Vrt,
     /// PDS4 label.
     Pds4,
     /// ISIS cube, or its label.
@@ -50,11 +52,11 @@ impl Format {
         } else if starts(b"\x89PNG") || starts(b"\xFF\xD8\xFF") {
             Self::Convertible("a PNG or JPEG picture")
         } else if text.starts_with(b"<VRTDataset") || is_xml(text) && contains(text, b"<VRTDataset") {
-            Self::Convertible("a GDAL VRT, which names other files")
+            Self::Vrt
         } else if is_xml(text) && contains(text, pds4::PRODUCT.as_bytes()) {
             Self::Pds4
         } else if is_xml(text) {
-            Self::Convertible("an XML file, a PDS4 label perhaps")
+            Self::Convertible("an XML file, neither a PDS4 label of an observation nor a VRT")
         } else if is_cube(text) {
             Self::Isis
         } else if is_old_cube(text) {
@@ -129,10 +131,13 @@ mod tests {
             (b"\r\n/* a comment */ PDS_VERSION_ID = PDS3\r\n", Format::Pds3),
             (b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nPDS_VERSION_ID = PDS3", Format::Pds3),
             (b"Object = IsisCube\n  Object = Core", Format::Isis),
-            (b"\xEF\xBB\xBF<?xml version", Format::Convertible("an XML file, a PDS4 label perhaps")),
+            (
+                b"\xEF\xBB\xBF<?xml version",
+                Format::Convertible("an XML file, neither a PDS4 label of an observation nor a VRT"),
+            ),
             (b"<?xml version=\"1.0\"?>\n<Product_Observational xmlns", Format::Pds4),
-            (b"<VRTDataset rasterXSize=\"5\"", Format::Convertible("a GDAL VRT, which names other files")),
-            (b"<?xml version=\"1.0\"?>\n<VRTDataset>", Format::Convertible("a GDAL VRT, which names other files")),
+            (b"<VRTDataset rasterXSize=\"5\"", Format::Vrt),
+            (b"<?xml version=\"1.0\"?>\n<VRTDataset>", Format::Vrt),
             (b"\xFF\x4F\xFF\x51\0", Format::Convertible("a JPEG 2000 image")),
             (b"foo = bar", Format::Unknown(b"foo = bar".to_vec())),
         ];
@@ -155,11 +160,6 @@ mod tests {
         assert!(refused("a.cub", b"OBJECT = QUBE\n").contains("gdal_translate -of GTiff"));
         assert!(refused("a.jp2", b"\xFF\x4F\xFF\x51").contains("JPEG 2000 image; convert it first: gdal_translate"));
         assert!(refused("a.xml", b"<?xml version=\"1.0\"?>").contains("gdal_translate"));
-        let text = refused("a.vrt", b"<VRTDataset>");
-        assert!(
-            text.contains("a GDAL VRT, which names other files; convert it first: gdal_translate -of GTiff"),
-            "{text}"
-        );
         assert!(refused("a.txt", b"1,2,3\n4").contains("begins with \"1,2,3\\n4\""));
         assert!(refused("a.img", b"\x01\x02").contains("bytes [01, 02] and no PDS3 label beside it"));
         let text = source::open(folder.path()).err().expect("refused").to_string();

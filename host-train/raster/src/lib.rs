@@ -24,7 +24,10 @@ pub mod resample;
 pub mod source;
 pub mod stated;
 pub mod sun;
+#[cfg(not(target_family = "wasm"))]
+mod through_gdal;
 mod unit;
+pub mod vrt;
 mod xml;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};

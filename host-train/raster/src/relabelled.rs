@@ -68,6 +68,7 @@ impl Relabelled {
         // The TIFF's samples come as floats, whatever it stores.
         let meaning = Meaning::new(Sample::F32, meant.missing, scale, offset);
         let info = Info {
+            applied: found.applied.or_else(|| ((scale, offset) != (1.0, 0.0)).then_some((scale, offset))),
             unit: found.unit.clone().or(conversion.unit),
             unit_in_file: found.unit_in_file.clone().or(meant.unit_in_file),
             warnings: meant.warnings,

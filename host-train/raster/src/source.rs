@@ -4,7 +4,9 @@ use super::format::{Format, describe};
 use super::mask::masked;
 use super::pam::told;
 use super::sun::StatedSun;
-use super::{GeoRef, Raster, geotiff, isis, npy, pds3, pds4};
+#[cfg(not(target_family = "wasm"))]
+use super::through_gdal::{self, Outcome};
+use super::{GeoRef, Raster, geotiff, isis, npy, pds3, pds4, vrt};
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use std::path::Path;
@@ -22,6 +24,8 @@ pub struct Info {
     pub unit: Option<String>,
     /// Unit that the file states, in its own words.
     pub unit_in_file: Option<String>,
+    /// Scale and offset that made stored numbers samples; `None` if samples are the stored numbers.
+    pub applied: Option<(f64, f64)>,
     /// Short description of the format: `GeoTIFF, f32, tiles of 256 x 256, Deflate`.
     pub format: String,
     /// The Sun of an image, as far as the file states it.
@@ -83,7 +87,8 @@ pub trait Source: Send + Sync {
 }
 
 /// Opens a raster file of any supported format. The content decides, not the name. The path of a PDS3 image may be its label or, if a label
-/// lies beside it, the image file itself.
+/// lies beside it, the image file itself. A file of another format is converted by `gdal_translate`, if that is installed, into a temporary GeoTIFF;
+/// a warning says so.
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for unsupported formats and
@@ -102,26 +107,48 @@ pub fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     Ok(told(path, masked(path, open_alone(path, nodata)?)?))
 }
 
-fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
+pub(crate) fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
     match Format::of(path)? {
         Format::Tiff => geotiff::open_with(path, nodata),
         Format::Pds3 => pds3::open_with(path, nodata),
         Format::Isis => isis::open_with(path, nodata),
         Format::Pds4 => pds4::open_with(path, nodata),
+        Format::Vrt => vrt::open_with(path, nodata, 0),
         Format::Npy => npy::open_with(path, nodata),
-        Format::Convertible(what) => {
-            let name = path.display();
-            let what = format!("{what}; convert it first: gdal_translate -of GTiff {name} {name}.tif");
-            Err(Error::unsupported(path, what))
-        }
+        Format::Convertible(what) => converted(path, nodata, what.into()),
         Format::Unknown(head) => match pds3::label_beside(path)? {
             Some(label) => pds3::open_with(&label, nodata),
             None => {
-                let what = "a GeoTIFF, a PDS3 or PDS4 label or image, an ISIS cube, or a .npy array expected";
-                Err(Error::unsupported(path, format!("{what}, found {} and no PDS3 label beside it", describe(&head))))
+                let what = "a GeoTIFF, a PDS3 or PDS4 label or image, an ISIS cube, a VRT, or a .npy array expected";
+                converted(path, nodata, format!("{what}, found {} and no PDS3 label beside it", describe(&head)))
             }
         },
     }
+}
+
+/// Opens a file of another format through GDAL.
+#[cfg(not(target_family = "wasm"))]
+fn converted(path: &Path, nodata: Option<f64>, what: String) -> Result<Box<dyn Source>> {
+    let refused = |said: String| Err(Error::unsupported(path, format!("{what}; {}{said}", remedy(path))));
+    match through_gdal::open_with(path, nodata)? {
+        Outcome::Read(source) => Ok(source),
+        Outcome::Refused(said) => {
+            let said: String = said.chars().map(|c| if c.is_control() { ' ' } else { c }).collect();
+            refused(format!(" (tried: {said})"))
+        }
+        Outcome::Absent => refused(String::new()),
+    }
+}
+
+/// WebAssembly starts no programs.
+#[cfg(target_family = "wasm")]
+fn converted(path: &Path, _: Option<f64>, what: String) -> Result<Box<dyn Source>> {
+    Err(Error::unsupported(path, format!("{what}; {}", remedy(path))))
+}
+
+/// Returns the line that converts a file.
+fn remedy(path: &Path) -> String {
+    format!("convert it first: gdal_translate -of GTiff {0} {0}.tif", path.display())
 }
 
 /// Reads a whole file.

@@ -23,6 +23,17 @@ const SPHERES_M: [(Body, std::ops::RangeInclusive<f64>); 2] =
 const STEP: f64 = 6e-5;
 
 impl StatedSun {
+    /// Reads an item of a file's metadata, if it states the Sun: `SUN_AZIMUTH_DEG`, `SUN_ELEVATION_DEG`, `IMAGE_TIME`, `START_TIME`.
+    pub(crate) fn add(&mut self, key: &str, text: &str) {
+        let angle = || Some(text.trim().parse().unwrap_or(f64::NAN));
+        match key {
+            "SUN_AZIMUTH_DEG" => self.azimuth_deg = angle(),
+            "SUN_ELEVATION_DEG" => self.elevation_deg = angle(),
+            "IMAGE_TIME" | "START_TIME" => self.time = self.time.or(text.parse().ok()),
+            _ => {}
+        }
+    }
+
     /// Returns these angles, and those of `other` where there is none.
     #[must_use]
     pub fn or(self, other: Self) -> Self {

@@ -59,6 +59,13 @@ pub(crate) struct Conversion {
     pub(crate) offset: f64,
 }
 
+impl Conversion {
+    /// Returns scale and offset if they change a number.
+    pub(crate) fn applied(&self) -> Option<(f64, f64)> {
+        Some((self.scale, self.offset)).filter(|&applied| applied != (1.0, 0.0))
+    }
+}
+
 /// Returns the conversion to metres above the sphere of a file that states `unit`, `scale` and `offset`.
 ///
 /// SLDEM2015 and the LOLA maps give their sphere's radius as offset (`1737.4` and `1737400.`). Their samples are heights above it already,

@@ -96,6 +96,12 @@ impl<'a> Element<'a> {
     pub(crate) fn count(self) -> std::result::Result<u64, Defect> {
         parsed(self, self.name(), self.text())
     }
+
+    /// Returns an attribute as a number, which must be there.
+    pub(crate) fn number_of<T: FromStr>(self, attribute: &str) -> std::result::Result<T, Defect> {
+        let text = self.attribute(attribute).ok_or_else(|| self.lacks(attribute))?;
+        parsed(self, attribute, text)
+    }
 }
 
 fn parsed<T: FromStr>(element: Element, what: &str, text: &str) -> std::result::Result<T, Defect> {

@@ -9,7 +9,7 @@ use elunar_raster::{GeoRef, Projection};
 const MOST_SAMPLES: usize = 1 << 22;
 
 pub(super) fn describe(source: &dyn Source) -> Result<String> {
-    let Info { rows, cols, georef, unit, unit_in_file, format, sun, warnings } = source.info();
+    let Info { rows, cols, georef, unit, unit_in_file, format, sun, warnings, .. } = source.info();
     let mut text = format!("raster of {rows} x {cols} pixels (rows x columns)\nformat: {format}\n");
     text += &match (unit.as_deref(), unit_in_file.as_deref()) {
         (Some(unit), Some(in_file)) if unit != in_file => format!("unit: {unit}; the file says {in_file:?}\n"),

@@ -85,7 +85,7 @@ impl<W: Copy> Uses<W> {
         let mut seen = HashSet::new();
         for one in self.read.iter().filter(|one| seen.insert((one.folder, &one.name))) {
             let (mut all, may_point) = places(folders, one, &entries);
-            if may_point {
+            if may_point || is_vrt(&one.name) {
                 all.extend(pointed(folders, one));
             }
             if let Some(index) = all.iter().find_map(|place| written.get(place)) {
@@ -94,6 +94,11 @@ impl<W: Copy> Uses<W> {
         }
         None
     }
+}
+
+/// Returns whether a file is a VRT by its name. It names files of any folder.
+fn is_vrt(name: &OsStr) -> bool {
+    Path::new(name).extension().is_some_and(|end| end.eq_ignore_ascii_case("vrt"))
 }
 
 fn clash<W: Copy>(folders: &Folders, writer: &Use<W>, other: &Use<W>, is_read: bool) -> Clash<W> {
@@ -200,6 +205,19 @@ mod tests {
             assert_eq!(found(at, &[written], &[read]), Some((1, 11)), "{written}, {read}");
         }
         assert_eq!(found(at, &["link/a.tif"], &["a.tif"]), None);
+    }
+
+    #[test]
+    fn the_files_of_a_vrt_are_read() {
+        let folder = files(&["d.tif"]);
+        let at = folder.path();
+        std::fs::create_dir(at.join("in")).unwrap();
+        let vrt = "<VRTDataset rasterXSize=\"1\" rasterYSize=\"1\"><VRTRasterBand><SimpleSource>\
+            <SourceFilename relativeToVRT=\"1\">../d.tif</SourceFilename><SrcRect xOff=\"0\" yOff=\"0\" xSize=\"1\" ySize=\"1\"/>\
+            <DstRect xOff=\"0\" yOff=\"0\" xSize=\"1\" ySize=\"1\"/></SimpleSource></VRTRasterBand></VRTDataset>";
+        std::fs::write(at.join("in/a.vrt"), vrt).unwrap();
+        assert_eq!(found(at, &["d.tif"], &["in/a.vrt"]), Some((1, 11)));
+        assert_eq!(found(at, &["e.tif"], &["in/a.vrt"]), None);
     }
 
     #[test]

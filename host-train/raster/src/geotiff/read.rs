@@ -100,7 +100,8 @@ impl GeoTiff {
         file.refuse_masks()?;
         let format = layout.format.clone();
         let (rows, cols, unit, unit_in_file) = (layout.rows, layout.cols, rule.unit.clone(), rule.unit_in_file.clone());
-        let info = Info { rows, cols, georef, unit, unit_in_file, format, sun: rule.sun, warnings: vec![] };
+        let applied = rule.applied();
+        let info = Info { rows, cols, georef, unit, unit_in_file, applied, format, sun: rule.sun, warnings: vec![] };
         let state = Mutex::new(State { file, cache: Cache::new(cache_bytes) });
         Ok(Self { path: path.into(), info, layout, rule, state })
     }

@@ -43,12 +43,9 @@ impl Rule {
             _ => None,
         };
         let (mut scale, mut offset, mut of_band, mut sun) = (1.0, 0.0, None, StatedSun::default());
-        let angle = |text: &str| Some(text.trim().parse().unwrap_or(f64::NAN));
         for item in metadata::parse(&file.text(tag::GDAL_METADATA)?.unwrap_or_default()) {
             match (item.role.as_str(), item.name.as_str()) {
-                ("", "SUN_AZIMUTH_DEG") => sun.azimuth_deg = angle(&item.text),
-                ("", "SUN_ELEVATION_DEG") => sun.elevation_deg = angle(&item.text),
-                ("", "IMAGE_TIME" | "START_TIME") => sun.time = sun.time.or(item.text.parse().ok()),
+                ("", key) => sun.add(key, &item.text),
                 ("scale", _) => scale = finite(file, "band scale", &item.text)?,
                 ("offset", _) => offset = finite(file, "band offset", &item.text)?,
                 ("unittype", _) => of_band = Some(item.text.trim().to_string()).filter(|unit| !unit.is_empty()),
@@ -66,6 +63,11 @@ impl Rule {
             (letter, bits) => Nodata::of_integers(stated, &nodata::range_of(letter == 'i', bits.into())),
         };
         Ok(Self { nodata, has_nodata, scale, offset, unit, unit_in_file, sun })
+    }
+
+    /// Returns scale and offset if they change a number.
+    pub(super) fn applied(&self) -> Option<(f64, f64)> {
+        Some((self.scale, self.offset)).filter(|&applied| applied != (1.0, 0.0))
     }
 
     /// Converts all samples of a chunk; `None` for unsupported types.

@@ -77,7 +77,8 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     }
     let meaning = Meaning::new(sample, missing, conversion.scale, conversion.offset);
     let format = format!("ISIS cube, {}", layout.stored());
-    let info = Info { rows, cols, georef, unit: conversion.unit, format, sun, ..Info::default() };
+    let applied = conversion.applied();
+    let info = Info { rows, cols, georef, unit: conversion.unit, applied, format, sun, ..Info::default() };
     Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
 }
 

@@ -84,8 +84,8 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     let kind = if named.is_some() { "detached" } else { "attached" };
     let format = format!("PDS3, {}, {kind} label", layout.stored());
     let sun = sun::stated(&label, georef.is_some());
-    let (rows, cols, unit) = (layout.rows, layout.cols, conversion.unit);
-    let info = Info { rows, cols, georef, unit, unit_in_file, format, sun, warnings };
+    let (rows, cols, applied, unit) = (layout.rows, layout.cols, conversion.applied(), conversion.unit);
+    let info = Info { rows, cols, georef, unit, unit_in_file, applied, format, sun, warnings };
     Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
 }
 

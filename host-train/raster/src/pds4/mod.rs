@@ -78,7 +78,8 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
     }
     let meaning = Meaning::new(sample, missing, conversion.scale, conversion.offset);
     let format = format!("PDS4, {}", layout.stored());
-    let info = Info { rows, cols, georef, unit: conversion.unit, unit_in_file, format, sun, warnings };
+    let applied = conversion.applied();
+    let info = Info { rows, cols, georef, unit: conversion.unit, unit_in_file, applied, format, sun, warnings };
     Ok(Box::new(Binary::new(data, file, layout, meaning, info)))
 }
 
