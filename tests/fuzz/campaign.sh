@@ -24,7 +24,7 @@ host="$(rustc -vV | sed -n 's/^host: //p')"
 # With debug assertions and overflow checks, under AddressSanitizer.
 CARGO_TARGET_DIR="$build" cargo +nightly fuzz build --fuzz-dir . --debug-assertions
 CARGO_TARGET_DIR="$build/seeds" cargo +nightly run --quiet --manifest-path Cargo.toml --example seeds -- "$folder/seeds"
-[ ! -d /dev/shm ] || export TMPDIR=/dev/shm # the target `tiff` writes a file each time
+[ ! -d /dev/shm ] || export TMPDIR=/dev/shm # the targets `tiff` and `labels` write files each time
 
 # $1: target. Prints the seconds that it has run so far.
 spent() {

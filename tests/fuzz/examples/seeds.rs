@@ -7,7 +7,7 @@ use std::io::Result;
 use std::path::{Path, PathBuf};
 
 /// Small tables, headers and labels, with what targets they are for.
-const TEXTS: [(&str, &str); 7] = [
+const TEXTS: [(&str, &str); 10] = [
     (
         "lola_csv",
         "Coordinated_Universal_Time,Pt_Longitude,Pt_Latitude,Pt_Radius,Pt_Flg\r\n2009-07-17T00:46:24.1,30.5,20.25,1737.6,0\r\n",
@@ -20,6 +20,24 @@ const TEXTS: [(&str, &str); 7] = [
         "pds3_label",
         "PDS_VERSION_ID = PDS3\r\nRECORD_BYTES = 16\r\n^IMAGE = \"A.IMG\"\r\nOBJECT = IMAGE\r\nLINES = 3\r\nLINE_SAMPLES = 4\r\n\
          SAMPLE_TYPE = PC_REAL\r\nSAMPLE_BITS = 32\r\nEND_OBJECT = IMAGE\r\nEND\r\n",
+    ),
+    (
+        "labels",
+        "Object = IsisCube Object = Core StartByte = 9 Format = Tile TileSamples = 2 TileLines = 2 Group = Dimensions Samples = 3 Lines = 2 \
+         Bands = 1 End_Group Group = Pixels Type = UnsignedWord ByteOrder = Lsb Base = 0.0 Multiplier = 1.0 End_Group End_Object End_Object End",
+    ),
+    (
+        "labels",
+        "<Product_Observational><File_Area_Observational><File><file_name>a.dat</file_name></File><Array_2D_Image><offset>0</offset>\
+         <Element_Array><data_type>SignedLSB2</data_type></Element_Array><Axis_Array><axis_name>Line</axis_name><elements>2</elements>\
+         <sequence_number>1</sequence_number></Axis_Array><Axis_Array><axis_name>Sample</axis_name><elements>3</elements>\
+         <sequence_number>2</sequence_number></Axis_Array></Array_2D_Image></File_Area_Observational></Product_Observational>",
+    ),
+    (
+        "labels",
+        "<VRTDataset rasterXSize=\"4\" rasterYSize=\"3\"><VRTRasterBand dataType=\"Float32\"><SimpleSource><SourceFilename relativeToVRT=\"1\">\
+         a.dat</SourceFilename><SrcRect xOff=\"0\" yOff=\"0\" xSize=\"3\" ySize=\"2\"/><DstRect xOff=\"1\" yOff=\"1\" xSize=\"3\" ySize=\"2\"/>\
+         </SimpleSource></VRTRasterBand></VRTDataset>",
     ),
     ("pds3_label", "OBJECT = IMAGE_MAP_PROJECTION /* c */ A_AXIS_RADIUS = 1737.4 <KM> END_OBJECT END"),
 ];
