@@ -34,6 +34,9 @@ const LEAP_SECONDS: [(u32, u32); 27] = [
     (2017, 1),
 ];
 
+/// Days of [`UtcTime::from_days`] from 1900 to 2100, the last day with its end.
+const DAYS: core::ops::RangeInclusive<f64> = -36_524.5..=36_889.5;
+
 /// A moment in UTC, to a second.
 #[derive(Debug, Clone, Copy, PartialEq, PartialOrd)]
 pub struct UtcTime {
@@ -54,6 +57,15 @@ impl fmt::Display for TimeError {
 impl core::error::Error for TimeError {}
 
 impl UtcTime {
+    /// Makes a moment of days of 86,400 s since 2000-01-01T12:00:00 UTC, from 1900 to 2100: the modified Julian date less 51,544.5, or seconds
+    /// of Unix less 946,728,000, over 86,400.
+    ///
+    /// # Errors
+    /// [`TimeError`] for other days, and NaN.
+    pub fn from_days(days: f64) -> Result<Self, TimeError> {
+        if DAYS.contains(&days) { Ok(Self { days }) } else { Err(TimeError) }
+    }
+
     /// Days since J2000 in terrestrial time. Leap seconds after 2017 are unknown and left out; before 1972 a line is within a second of UTC.
     pub(super) fn terrestrial_days(self) -> f64 {
         let first = month(1972, 1).0 - 0.5;
@@ -170,6 +182,17 @@ mod tests {
             let (this, next) = (days(&format!("{year}-12-31")).unwrap(), days(&format!("{}-01-01", year + 1)).unwrap());
             assert_eq!(next - this, 1.0, "{year}");
         }
+    }
+
+    #[test]
+    fn days_are_those_of_texts() {
+        for text in ["1900-01-01", "2009-08-30T12:00:00", "2100-12-31T23:59:60"] {
+            let time: UtcTime = text.parse().unwrap();
+            assert_eq!(UtcTime::from_days(time.days), Ok(time), "{text}");
+        }
+        assert_eq!(UtcTime::from_days(-10_957.5), "1970-01-01".parse());
+        let beyond = [-36_524.6, 36_889.6, f64::NAN, f64::INFINITY, f64::NEG_INFINITY];
+        assert!(beyond.iter().all(|days| UtcTime::from_days(*days) == Err(TimeError)));
     }
 
     #[test]

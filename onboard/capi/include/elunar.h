@@ -76,6 +76,8 @@
 #define ELD_REFUSED_NOT_BEGUN             UINT32_C(0x8001000b) /**< the tile is not begun yet: call eld_begin_step until it is */
 #define ELD_REFUSED_NO_ERRORS             UINT32_C(0x8001000a) /**< the model's maps are not weighed, so it expects no errors */
 #define ELD_REFUSED_OPTIONS               UINT32_C(0x8001000c) /**< an option of the terrain maps is out of range */
+#define ELD_REFUSED_TIME                  UINT32_C(0x8001000f) /**< the time is not within the years 1900 to 2100 */
+#define ELD_REFUSED_PLACE                 UINT32_C(0x80010010) /**< the latitude is beyond 90 degrees, the longitude beyond 360, or one is no number */
 #define ELD_REFUSED_NOT_CHECKED           UINT32_C(0x8001000e) /**< the check of the model is not finished: call eld_model_check_step until it is */
 #define ELD_REFUSED_UNFINISHED            UINT32_C(0x8001000d) /**< lines of the grid before are not out yet: call eld_terrain_finish */
 
@@ -1125,6 +1127,36 @@ typedef struct {
 } eld_strip_telemetry_t;
 
 /**
+ * Where the Sun stands at a place.
+ */
+typedef struct {
+    /**
+     * sizeof(eld_sun_t), set by the caller.
+     */
+    uint32_t struct_bytes;
+    /**
+     * Azimuth, degrees clockwise from north, 0 to 360.
+     */
+    float azimuth_deg;
+    /**
+     * Elevation of the Sun's centre above the horizon of the sphere, degrees.
+     */
+    float elevation_deg;
+    /**
+     * Latitude of the point under the Sun, degrees north.
+     */
+    float sub_solar_lat_deg;
+    /**
+     * Longitude of that point, degrees east, -180 to 180.
+     */
+    float sub_solar_lon_deg;
+    /**
+     * Distance of the Moon from the Sun, astronomical units.
+     */
+    float distance_au;
+} eld_sun_t;
+
+/**
  * What terrain maps are made of a grid.
  */
 typedef struct {
@@ -1517,6 +1549,17 @@ eld_status_t eld_strip_scrub(eld_strip_t *strip,
  * Copies the counters. `out->struct_bytes` must be set.
  */
 eld_status_t eld_strip_telemetry(eld_strip_t *strip, eld_strip_telemetry_t *out);
+
+/**
+ * Writes where the Sun stands at a place of the Moon, within 0.02 degrees from 1960 to 2060. `utc_days`: days of 86,400 s since 2000-01-01T12:00:00
+ * UTC, the years 1900 to 2100 (seconds of Unix less 946728000, over 86400). Degrees north, and east from -360 to 360, in the mean-Earth system.
+ * `out->struct_bytes` must be set. Needs no context. `eld_tile_t` counts azimuths from the direction of decreasing rows, which is north only on a
+ * map whose up is north there.
+ */
+eld_status_t eld_sun_position(double utc_days,
+                              double lat_deg,
+                              double lon_deg,
+                              eld_sun_t *out);
 
 /**
  * Writes how much memory terrain maps with these options need. `options->struct_bytes` must be set.

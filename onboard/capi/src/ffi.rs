@@ -16,10 +16,12 @@ mod light;
 mod pointers;
 pub mod slots;
 pub mod strip;
+mod sun;
 mod terrain;
 mod tile;
 
 pub use light::{eld_light_add, eld_light_clear, eld_light_decide};
+pub use sun::eld_sun_position;
 pub use terrain::{eld_terrain_finish, eld_terrain_init, eld_terrain_plan, eld_terrain_push};
 
 use crate::begin;

@@ -113,6 +113,8 @@ statuses! {
     ELD_REFUSED_NO_ERRORS = REFUSED, CALL, 10, "the model's maps are not weighed, so it expects no errors";
 
     ELD_REFUSED_OPTIONS = REFUSED, CALL, 12, "an option of the terrain maps is out of range";
+    ELD_REFUSED_TIME = REFUSED, CALL, 15, "the time is not within the years 1900 to 2100";
+    ELD_REFUSED_PLACE = REFUSED, CALL, 16, "the latitude is beyond 90 degrees, the longitude beyond 360, or one is no number";
     ELD_REFUSED_NOT_CHECKED = REFUSED, CALL, 14, "the check of the model is not finished: call eld_model_check_step until it is";
     ELD_REFUSED_UNFINISHED = REFUSED, CALL, 13, "lines of the grid before are not out yet: call eld_terrain_finish";
 

@@ -91,6 +91,24 @@ pub struct eld_terrain_t {
     _opaque: [u8; 0],
 }
 
+/// Where the Sun stands at a place.
+#[repr(C)]
+#[derive(Debug, Clone, Copy, PartialEq, Default)]
+pub struct eld_sun_t {
+    /// sizeof(eld_sun_t), set by the caller.
+    pub struct_bytes: u32,
+    /// Azimuth, degrees clockwise from north, 0 to 360.
+    pub azimuth_deg: f32,
+    /// Elevation of the Sun's centre above the horizon of the sphere, degrees.
+    pub elevation_deg: f32,
+    /// Latitude of the point under the Sun, degrees north.
+    pub sub_solar_lat_deg: f32,
+    /// Longitude of that point, degrees east, -180 to 180.
+    pub sub_solar_lon_deg: f32,
+    /// Distance of the Moon from the Sun, astronomical units.
+    pub distance_au: f32,
+}
+
 /// What terrain maps are made of a grid.
 #[repr(C)]
 #[derive(Debug, Clone, Copy, PartialEq, Default)]

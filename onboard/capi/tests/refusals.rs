@@ -301,6 +301,8 @@ const CASES: &[Case] = &[
     }),
     (ELD_REFUSED_TILE_FORMAT, "a gain of NaN", || begin_with(|tile| tile.image.gain = f32::NAN)),
     (ELD_REFUSED_TILE_FORMAT, "an infinite offset", || begin_with(|tile| tile.image.offset = f32::INFINITY)),
+    (ELD_REFUSED_TIME, "the Sun after 2100", || sun(36_890.0, 0.0)),
+    (ELD_REFUSED_PLACE, "the Sun beyond the pole", || sun(0.0, 90.5)),
     (ELD_REFUSED_OPTIONS, "terrain maps of nothing", || {
         let struct_bytes = size_of::<eld_terrain_options_t>() as u32;
         let options = eld_terrain_options_t { struct_bytes, ..Default::default() };

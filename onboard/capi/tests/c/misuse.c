@@ -24,6 +24,7 @@ int main(void) {
     eld_telemetry_t telemetry;
     char name[4];
     uint32_t sum = 0;
+    eld_sun_t sun;
 
     memset(&info, 0, sizeof info);
     expect("info of no size", eld_model_check(no_model, sizeof no_model, &info), ELD_REFUSED_STRUCT_BYTES);
@@ -44,6 +45,12 @@ int main(void) {
     expect("begin nothing", eld_begin(context, NULL), ELD_FAULT_CONTEXT_LOST);
     telemetry.struct_bytes = sizeof telemetry;
     expect("telemetry of nothing", eld_telemetry(context, &telemetry), ELD_FAULT_CONTEXT_LOST);
+    memset(&sun, 0, sizeof sun);
+    expect("a Sun of no size", eld_sun_position(0.0, 0.0, 0.0, &sun), ELD_REFUSED_STRUCT_BYTES);
+    sun.struct_bytes = sizeof sun;
+    expect("a Sun of 2200", eld_sun_position(73000.0, 0.0, 0.0, &sun), ELD_REFUSED_TIME);
+    expect("the Sun", eld_sun_position(3529.0, 26.13, 3.63, &sun), ELD_OK);
+    if (sun.elevation_deg < 29.8f || sun.elevation_deg > 30.0f) wrong++;
     expect("no program", eld_code_sum(NULL, 1, &sum), ELD_REFUSED_NULL);
     expect("a short name", eld_kernel_name(name, sizeof name), ELD_REFUSED_BUFFER);
 

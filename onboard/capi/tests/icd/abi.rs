@@ -95,7 +95,7 @@ fn structures_are_laid_out_as_listed() {
     let found = found.strip_prefix("structure,field,type,offset_64,offset_32\n").unwrap();
     assert_eq!(found, expected, "onboard/docs/structures.csv");
     let names: BTreeSet<&str> = rows.iter().map(|row| row.0.as_str()).collect();
-    assert_eq!(names.len(), 15, "{names:?}");
+    assert_eq!(names.len(), 16, "{names:?}");
 }
 
 /// Compares the layout of structures in Rust with the one that is listed; it does not compile if a field is left out.
@@ -123,6 +123,7 @@ fn structures_are_laid_out_in_rust_as_in_c() {
             arena_bytes, file_bytes, tile_macs, largest_unit_macs, header_crc, self_test_crc, nr, range_margin }
         eld_errors_t { struct_bytes, height_m, slope, explained, dark_height_m, dark_slope, dark_below }
         eld_lighting_t { struct_bytes, source, east, south, trust, related, long_share, log_strength_sd, azimuth_sd_deg }
+        eld_sun_t { struct_bytes, azimuth_deg, elevation_deg, sub_solar_lat_deg, sub_solar_lon_deg, distance_au }
         eld_terrain_options_t { struct_bytes, cols, radius_px, row_m, col_m, slope_deg, roughness_m, sigmas, sun_azimuth_deg,
             sun_elevation_deg }
         eld_telemetry_t { struct_bytes, phase, entry, valid_px, last_fault, header_crc, calls, faults, context_repairs, lights_assumed,

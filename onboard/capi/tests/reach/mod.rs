@@ -83,6 +83,13 @@ pub(crate) fn begin_posts_of(height_m: f32, change: fn(&mut eld_tile_t, &mut eld
     unsafe { ffi::eld_begin(context.handle, &c) }
 }
 
+/// Asks for the Sun at a time and a latitude.
+pub(crate) fn sun(days: f64, lat_deg: f64) -> eld_status_t {
+    let mut out = eld_sun_t { struct_bytes: size_of::<eld_sun_t>() as u32, ..Default::default() };
+    // SAFETY: a structure of the test.
+    unsafe { ffi::eld_sun_position(days, lat_deg, 0.0, &raw mut out) }
+}
+
 /// Pushes so many lines of three pixels, the last after a change of the memory; or two, finishes one, and pushes another.
 pub(crate) fn terrain_calls(lines: Option<usize>, change: fn(&mut [u64])) -> eld_status_t {
     let options = eld_terrain_options_t {

@@ -205,9 +205,14 @@ pub(crate) fn terrain(memory: &mut [u64], console: &mut impl Write) -> bool {
     };
     let (maps_memory, memory) = memory.split_at_mut(5 * TERRAIN_COLS);
     let (mut bytes, mut terrain, mut row, mut crc) = (0, core::ptr::null_mut(), 0, Crc32c::default());
+    let mut sun = eld_sun_t { struct_bytes: size_of::<eld_sun_t>() as u32, ..Default::default() };
     // SAFETY: buffers and structures of our own, here and below.
-    let mut worst =
-        counted("eld_terrain_plan", console, || unsafe { ffi::eld_terrain_plan(&raw const options, &raw mut bytes) });
+    let seen =
+        counted("eld_sun_position", console, || unsafe { ffi::eld_sun_position(3529.0, 26.13, 3.63, &raw mut sun) });
+    // SAFETY: as above.
+    let mut worst = seen.max(counted("eld_terrain_plan", console, || unsafe {
+        ffi::eld_terrain_plan(&raw const options, &raw mut bytes)
+    }));
     // SAFETY: as above.
     worst = worst.max(counted("eld_terrain_init", console, || unsafe {
         ffi::eld_terrain_init(memory.as_mut_ptr().cast(), size_of_val(memory), &raw const options, &raw mut terrain)
