@@ -106,7 +106,7 @@ python() {
         return
     fi
     [ -x "$venv/bin/maturin" ] || python3 -m venv --clear "$venv"
-    if ! "$venv/bin/python" -m pip install --quiet "maturin>=1.9.4,<2" matplotlib mypy numpy pytest rasterio rioxarray tqdm; then
+    if ! "$venv/bin/python" -m pip install --quiet "maturin>=1.9.4,<2" matplotlib mypy numpy "pystac[validation]" pytest rasterio rioxarray tqdm; then
         echo "SKIPPED: python: maturin and what the tests need cannot be installed (pip install maturin)"
         return
     fi

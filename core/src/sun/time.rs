@@ -44,6 +44,34 @@ pub struct UtcTime {
     days: f64,
 }
 
+/// ISO 8601, to a second: `2009-07-16T12:34:56Z`.
+impl fmt::Display for UtcTime {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let seconds = libm::round((self.days + 0.5 + FROM_1600_TO_2000) * 86_400.0) as u64;
+        let (mut day, second) = (seconds / 86_400, seconds % 86_400);
+        let mut year = 1600;
+        while day >= year_days(year) {
+            day -= year_days(year);
+            year += 1;
+        }
+        let mut number = 1;
+        while day >= u64::from(month(year, number).1) {
+            day -= u64::from(month(year, number).1);
+            number += 1;
+        }
+        let (hour, minute, second) = (second / 3600, second / 60 % 60, second % 60);
+        write!(f, "{year:04}-{number:02}-{:02}T{hour:02}:{minute:02}:{second:02}Z", day + 1)
+    }
+}
+
+/// Days from 1600-01-01 to 2000-01-01.
+const FROM_1600_TO_2000: f64 = 146_097.0;
+
+/// Days of a year.
+fn year_days(year: u32) -> u64 {
+    (month(year + 1, 1).0 - month(year, 1).0) as u64
+}
+
 /// A text that is not a moment.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub struct TimeError;
@@ -101,7 +129,7 @@ fn month(year: u32, month: u32) -> (f64, u32) {
     let past = year - 1600;
     let days = past * 365 + past.div_ceil(4) - past.div_ceil(100) + past.div_ceil(400);
     let before: u32 = (1..month).map(length).sum();
-    (f64::from(days + before) - 146_097.0, length(month))
+    (f64::from(days + before) - FROM_1600_TO_2000, length(month))
 }
 
 /// Reads a text: ISO 8601 or the PDS's day of the year, with or without a time and its fraction, `Z` or not.
@@ -182,6 +210,13 @@ mod tests {
             let (this, next) = (days(&format!("{year}-12-31")).unwrap(), days(&format!("{}-01-01", year + 1)).unwrap());
             assert_eq!(next - this, 1.0, "{year}");
         }
+    }
+
+    #[test]
+    fn moments_are_written_as_they_are_read() {
+        let texts = ["1900-01-01T00:00:00Z", "1999-12-31T23:59:59Z", "2000-02-29T12:00:01Z", "2009-08-30T12:34:56Z"];
+        assert_eq!(texts.map(|text| text.parse::<UtcTime>().unwrap().to_string()), texts);
+        assert_eq!("2009-242T12:34:56.6".parse::<UtcTime>().unwrap().to_string(), "2009-08-30T12:34:57Z");
     }
 
     #[test]

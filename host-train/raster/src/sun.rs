@@ -49,8 +49,7 @@ impl StatedSun {
     #[must_use]
     pub fn at_time(info: &Info, time: UtcTime) -> Option<Self> {
         let georef = info.georef.as_ref()?;
-        let radius_m = georef.crs.sphere_radius_m()?;
-        let (body, _) = SPHERES_M.into_iter().find(|(_, radii)| radii.contains(&radius_m))?;
+        let body = body_of(georef)?;
         let projection = Projection::of(&georef.crs)?;
         let (x, y) = georef.centre((info.rows as f64 - 1.0) / 2.0, (info.cols as f64 - 1.0) / 2.0);
         let (lon_deg, lat_deg) = projection.inverse(x, y);
@@ -60,6 +59,23 @@ impl StatedSun {
         let azimuth_deg = azimuth(georef, (info.rows, info.cols), (towards.0 - x, towards.1 - y))?;
         Some(Self { azimuth_deg: Some(azimuth_deg), elevation_deg: Some(sun.elevation_deg), time: Some(time) })
     }
+}
+
+/// Returns the body of a raster's map.
+#[must_use]
+pub fn body_of(georef: &GeoRef) -> Option<Body> {
+    let radius_m = georef.crs.sphere_radius_m()?;
+    SPHERES_M.into_iter().find(|(_, radii)| radii.contains(&radius_m)).map(|(body, _)| body)
+}
+
+/// Returns the direction of north at the centre of a raster of `rows` x `cols`, degrees clockwise from the raster's up. `None` without a place.
+#[must_use]
+pub fn north_deg(georef: &GeoRef, rows: usize, cols: usize) -> Option<f64> {
+    let projection = Projection::of(&georef.crs)?;
+    let (x, y) = georef.centre((rows as f64 - 1.0) / 2.0, (cols as f64 - 1.0) / 2.0);
+    let (lon_deg, lat_deg) = projection.inverse(x, y);
+    let towards = projection.forward(lon_deg, lat_deg + STEP.to_degrees());
+    azimuth(georef, (rows, cols), (towards.0 - x, towards.1 - y))
 }
 
 /// Returns longitude and latitude a [`STEP`] along an azimuth from a place, all in degrees.
@@ -117,6 +133,9 @@ mod tests {
         let polar = "+proj=stere +lat_0=90 +lon_0=0 +R=1737400";
         let rho = 2.0 * 1_737_400.0 * (std::f64::consts::FRAC_PI_4 - lat.to_radians() / 2.0).tan();
         let (sin, cos) = lon.to_radians().sin_cos();
+        let georef = info(polar, [rho * sin, pixel, 0.0, -rho * cos, 0.0, -pixel]).georef.unwrap();
+        let north_deg = north_deg(&georef, 1, 1).unwrap();
+        assert!((north_deg - (180.0 - lon)).abs() < 0.01, "{north_deg}");
         near(angles(polar, [rho * sin - 101.0, pixel, 0.0, -rho * cos + 101.0, 0.0, -pixel]), 107.71 - lon);
     }
 

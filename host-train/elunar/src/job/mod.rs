@@ -8,6 +8,7 @@ mod inputs;
 mod memory;
 mod report;
 mod request;
+mod stac;
 mod task;
 pub mod words;
 mod write;
@@ -247,6 +248,9 @@ fn take(args: &Request) -> Result<(Owner, Vec<Owner>)> {
     }
     if let Some(path) = &args.report {
         outputs::extension(path, &["html"])?;
+    }
+    if let Some(path) = &args.stac {
+        outputs::extension(path, &["json"])?;
     }
     outputs::take_dtm(&args.output, &args.further(), &args.read())
 }

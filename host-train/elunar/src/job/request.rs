@@ -27,6 +27,9 @@ pub struct Request {
     /// needs no other file.
     #[arg(long, value_name = "PAGE.html")]
     pub report: Option<PathBuf>,
+    /// Write a STAC item beside the DTM that describes it, for catalogues.
+    #[arg(long, value_name = "ITEM.json")]
+    pub stac: Option<PathBuf>,
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = crate::threads::number)]
     pub threads: usize,
@@ -56,7 +59,7 @@ impl Request {
     /// Returns what is written besides the DTM.
     pub(super) fn further(&self) -> Vec<OutputTarget<'_>> {
         let errors = self.uncertainty.iter().map(|path| OutputTarget::Errors(path));
-        errors.chain(self.report.iter().map(|path| OutputTarget::File(path))).collect()
+        errors.chain(self.report.iter().chain(&self.stac).map(|path| OutputTarget::File(path))).collect()
     }
 }
 

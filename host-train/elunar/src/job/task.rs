@@ -5,6 +5,7 @@ use super::request::Request;
 use super::words;
 use crate::held::Held;
 use elunar_base::{Error, Result, say};
+use elunar_core::sun::UtcTime;
 use elunar_net::illumination::Lighting;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::errors::assumed_sigma_m;
@@ -24,6 +25,8 @@ pub(super) struct Work {
     pub(super) model: Box<dyn TileModel>,
     pub(super) scene: Scene,
     pub(super) sun: KnownFrom,
+    /// When the image was taken, if that is known.
+    pub(super) time: Option<UtcTime>,
     pub(super) options: PredictOptions,
 }
 
@@ -45,7 +48,8 @@ impl Work {
                 "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
             ));
         }
-        let Opened { scene, sun, .. } = args.inputs.open(held)?;
+        let Opened { scene, sun, image } = args.inputs.open(held)?;
+        let time = args.inputs.time.or(image.source.info().sun.time);
         let options = PredictOptions {
             overlap_px: args.overlap.unwrap_or_else(|| PredictOptions::overlap_for(model.tile())),
             anchor: !args.no_anchor,
@@ -53,7 +57,7 @@ impl Work {
             sun: sun.sun,
             expected_errors,
         };
-        Ok(Self { model, scene, sun, options })
+        Ok(Self { model, scene, sun, time, options })
     }
 
     pub(super) fn lighting(&self, survey: &Survey) -> Lighting {
@@ -106,8 +110,8 @@ impl Task {
 
     pub(super) fn is_finished(&self, args: &Request) -> bool {
         let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
-        let has_report = args.report.as_ref().is_none_or(|report| report.is_file());
-        has_report && outputs.into_iter().all(|output| self.identity.is_finished(output))
+        let has_others = args.report.iter().chain(&args.stac).all(|path| path.is_file());
+        has_others && outputs.into_iter().all(|output| self.identity.is_finished(output))
     }
 
     /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.

@@ -2,6 +2,7 @@
 
 use super::report;
 use super::request::Request;
+use super::stac;
 use super::task::{Task, Work};
 use super::{Done, Watch};
 use elunar_base::output::Owner;
@@ -106,6 +107,10 @@ pub(super) fn write(
     if let Some(path) = &args.report {
         report::write(path, args, &work.scene, &record)?;
         text += &format!("\n{}: a page to look at", path.display());
+    }
+    if let Some(path) = &args.stac {
+        stac::write(path, args, work, &record)?;
+        text += &format!("\n{}: STAC item", path.display());
     }
     Ok(Done { text, json: Some(record.json()) })
 }
