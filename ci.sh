@@ -243,6 +243,12 @@ boards() {
     local six=(an500 rv32 leon3 e500 rv64 zcu102)
     onboard/flight/boards/run.sh --calls "${six[@]}"
     onboard/flight/boards/run.sh --calls --model tests/golden/provoked/guided.eld "${six[@]}"
+    # Injections are made, and made again with the same outcomes.
+    local out="$target/boards-inject" guided=tests/golden/provoked/guided.eld
+    rm -rf "$out"
+    onboard/flight/boards/inject.sh --out "$out/first" --injections 2 --model "$guided"
+    onboard/flight/boards/inject.sh --out "$out/again" --replay "$out/first/injections.csv" --model "$guided" >/dev/null
+    cmp "$out/first/injections.csv" "$out/again/injections.csv"
     onboard/flight/proofs/run.sh
     embassy
 }

@@ -4,7 +4,8 @@
 //! 1. [`arch`] starts the processor, writes text and ends the run; `boards/<board>/memory.x` is the memory map.
 //! 2. [`report`] opens the model and runs the tile, once with the fastest kernel and once with the specification.
 //! 3. `c_calls` runs tiles through the C functions instead, `c_lines` strips and terrain maps, `c_slots` model slots.
-//! 4. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
+//! 4. `inject` makes one tile, and flips a bit of a register, the stack or the code when a timer says so.
+//! 5. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
 //!    `../../proofs` and `../../boards`.
 //!
 //! Without a board (`cargo run -p elunar-demo -- MODEL.eld`) it is an ordinary program, whose output is the reference.
@@ -22,6 +23,8 @@ mod c_slots;
 mod calls;
 #[cfg(not(bare))]
 mod hosted;
+#[cfg(all(bare, feature = "inject"))]
+mod inject;
 mod mark;
 mod report;
 #[cfg(all(bare, feature = "two_tiles"))]

@@ -19,6 +19,12 @@ pub(crate) fn run(memory: &[u8], arena: &mut [u8], console: &mut impl Write) -> 
         let _ = writeln!(console, "{}", if passed { "PASS" } else { "FAIL" });
         return passed;
     }
+    #[cfg(all(bare, feature = "inject"))]
+    if let Ok(model) = elunar_call_open(memory) {
+        let passed = crate::inject::run(model.raw().bytes(), memory, arena, console);
+        let _ = writeln!(console, "{}", if passed { "PASS" } else { "FAIL" });
+        return passed;
+    }
     let mut opened = Err(ModelError::Header);
     let stack = depth(|| opened = elunar_call_open(memory));
     let passed = match opened {

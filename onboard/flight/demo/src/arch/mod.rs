@@ -12,6 +12,8 @@ mod armv7;
 mod cortex_m;
 #[cfg(target_arch = "powerpc")]
 mod e500;
+#[cfg(feature = "inject")]
+pub(crate) mod inject;
 #[cfg(target_arch = "sparc")]
 mod leon3;
 #[cfg(any(target_arch = "riscv32", target_arch = "riscv64"))]
@@ -73,6 +75,13 @@ extern "C" fn elunar_main() -> ! {
 extern "C" fn elunar_fault(cause: usize, address: usize) -> ! {
     let _ = writeln!(Console, "ERROR: processor fault, cause {cause:#x} at {address:#x}\nFAIL");
     exit(102)
+}
+
+/// Ends a run whose work does not end.
+#[cfg(feature = "inject")]
+fn hang() -> ! {
+    let _ = writeln!(Console, "outcome hang 0 0 0x0\nFAIL");
+    exit(103)
 }
 
 #[panic_handler]
