@@ -73,3 +73,47 @@ fn coarse_heights_come_as_a_map_or_as_posts() {
     }
     assert_eq!(context.telemetry().phase, ELD_PHASE_EMPTY);
 }
+
+/// The numbers of lights in a header and for C are those of the model's, whatever the light.
+#[test]
+fn a_models_light_is_told() {
+    let guided = std::fs::read(repository().join("tests/golden/provoked/guided.eld")).unwrap();
+    let lights = [ELD_LIGHT_ANY, ELD_LIGHT_NORTHWEST, ELD_LIGHT_GIVEN, ELD_LIGHT_WEIGHED, ELD_LIGHT_SLOPED];
+    let mut told = vec![];
+    let plain = std::fs::read(repository().join("core/fixtures/tile-v4.eld")).unwrap();
+    for model in [nano(), &guided[..], &plain[..]] {
+        for (code, light) in lights.into_iter().enumerate() {
+            let mut model = model.to_vec();
+            file::set_word(&mut model, file::word::ILLUMINATION, code as u32);
+            file::seal_file(&mut model);
+            // Models with another number of maps are refused.
+            if let Ok(info) = info(&model) {
+                assert_eq!(info.light, light);
+                told.push(light);
+            }
+        }
+    }
+    assert_eq!(told.len(), lights.len(), "{told:?}");
+}
+
+#[test]
+fn a_step_after_the_self_test_changes_nothing() {
+    let mut context = Context::new(nano());
+    assert_eq!(context.self_test_begin(), ELD_OK);
+    context.finish();
+    let before = context.telemetry();
+    assert_eq!((context.step(1), context.self_test_check()), (ELD_OK, ELD_OK));
+    let after = context.telemetry();
+    assert_eq!((after.phase, after.macs), (ELD_PHASE_SELF_TEST_DONE, before.macs));
+}
+
+#[test]
+fn a_light_decided_from_a_known_sun_serves_a_tile() {
+    let tile = Tile::golden();
+    let mut context = Context::new(nano());
+    let light = context.light_decide(tile.sun).unwrap();
+    assert_eq!(light.source, ELD_SOURCE_GIVEN);
+    let lit = eld_tile_t { light: &light, ..tile.c() };
+    // SAFETY: a context and a tile of our own.
+    assert_eq!(unsafe { eld_begin(context.handle, &lit) }, ELD_OK);
+}
