@@ -118,3 +118,29 @@ impl fmt::Display for RunError {
 }
 
 impl core::error::Error for RunError {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A strip that is paused keeps its last fault as words.
+    #[test]
+    fn every_error_is_read_as_what_wrote_it() {
+        for error in [
+            RunError::ArenaTooSmall { required: 5, found: 4 },
+            RunError::TileSize { expected: 9, found: 8 },
+            RunError::NotFinite { index: 7 },
+            RunError::State,
+            RunError::SelfTest { expected: u32::MAX, found: 1 },
+            RunError::ModelChanged { chunk: u32::MAX },
+            RunError::ProgramChanged { entry: 3 },
+            RunError::DataChanged { tensor: 2, row: 6 },
+            RunError::Miscomputed { entry: 4 },
+        ] {
+            let (mut words, mut written, mut read) = ([0; 3], error, RunError::State);
+            written.visit(&mut Words::writing(&mut words));
+            read.visit(&mut Words::reading(&mut words));
+            assert_eq!((written, read), (error, error));
+        }
+    }
+}

@@ -51,3 +51,42 @@ impl Scrub {
         Ok((done, false))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::file::CHUNK_BYTES;
+    use crate::nn::tests::draft::Draft;
+
+    #[test]
+    fn every_chunk_is_compared_and_the_wrong_one_is_named() {
+        let mut draft = Draft::new((4, 4));
+        draft.constant(vec![3; 2 * CHUNK_BYTES]);
+        draft.finish();
+        draft.in_order();
+        let file = draft.file();
+        let body = RawModel::new(&file).unwrap().body_offset();
+        for wrong in 0..3 {
+            let mut file = file.clone();
+            file[body + wrong * CHUNK_BYTES] ^= 1;
+            let raw = RawModel::new(&file).unwrap();
+            assert_eq!(raw.chunks(), 3);
+            for piece in [1000, CHUNK_BYTES, usize::MAX] {
+                let (mut scrub, mut passes, mut faults) = (Scrub::default(), 0, 0);
+                for _ in 0..200 {
+                    match scrub.advance(&raw, piece) {
+                        Ok((_, pass)) => passes += pass as usize,
+                        Err(chunk) => {
+                            assert_eq!(chunk, wrong as u32);
+                            faults += 1;
+                        }
+                    }
+                }
+                // A fault in the last chunk ends its pass.
+                assert!(faults > 1 && (passes > 1 || wrong == 2), "{piece}: {faults} faults, {passes} passes");
+            }
+            let mut scrub = Scrub::default();
+            assert_eq!(scrub.advance(&raw, 0), Ok((0, false)), "nothing is read for nothing");
+        }
+    }
+}

@@ -63,6 +63,15 @@ mod tests {
     use super::*;
     use proptest::prelude::*;
 
+    #[test]
+    fn values_below_one_count_as_one() {
+        let one = ReciprocalRoot::of(1);
+        for v in [0, -1, i64::MIN] {
+            let found = ReciprocalRoot::of(v);
+            assert_eq!((found.value, found.shift), (one.value, one.shift), "{v}");
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(5000))]
         #[test]

@@ -456,3 +456,32 @@ fn a_strip_of_one_tile_under_the_light_of_its_scene_equals_the_tile() {
         assert!(worked(status), "{:?}", text(status));
     }
 }
+
+/// The second word of the state is the length of the lent memory; the seventh says in its upper half that a call is
+/// at work.
+#[test]
+fn a_call_that_did_not_return_and_a_state_of_another_plan_are_told() {
+    let mut strip = CStrip::new(&settings()).unwrap();
+    assert!(worked(strip.step(1)));
+    change_word(&mut strip.memory, 6, |word| word | 1 << 32);
+    assert_eq!(strip.step(1), ELD_FAULT_INTERRUPTED);
+    assert!(worked(strip.step(1)), "the strip goes on");
+    change_word(&mut strip.memory, 1, |bytes| bytes - 8);
+    assert_eq!(strip.step(1), ELD_FAULT_MODEL_CHANGED);
+}
+
+#[test]
+fn errors_of_a_line_are_taken_all_or_none() {
+    let strip = CStrip::new(&settings()).unwrap();
+    let (mut values, mut origins, mut line) = ([vec![0.0; WIDE], vec![0.0; WIDE], vec![0.0; WIDE]], vec![9; WIDE], 0);
+    let [heights, height, slope] = values.each_mut().map(|map| map.as_mut_ptr());
+    let all = [height.cast::<u8>(), slope.cast(), origins.as_mut_ptr()];
+    for given in 0..8 {
+        let [height, slope, origins] = std::array::from_fn(|i| if given >> i & 1 == 1 { all[i] } else { null_mut() });
+        // SAFETY: a strip and buffers of our own; NULL is refused before anything is written.
+        let status =
+            unsafe { eld_strip_take(strip.handle, heights, height.cast(), slope.cast(), origins, WIDE, &raw mut line) };
+        let expected = if given == 0 || given == 7 { ELD_NOTICE_STRIP_NO_LINE } else { ELD_REFUSED_NULL };
+        assert_eq!(status, expected, "{given:03b}");
+    }
+}

@@ -2,7 +2,7 @@
 #![allow(unsafe_code)] // C functions
 
 mod common;
-use common::{COLS, ROWS, Tile, bits};
+use common::{COLS, ROWS, Tile, bits, change_word};
 use elunar_capi::ffi::*;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
@@ -307,4 +307,17 @@ fn what_is_wrong_has_a_status() {
     let short = eld_terrain_maps_t { struct_bytes: 4, ..good };
     assert_eq!(push(terrain.handle, at, COLS, &short), ELD_REFUSED_STRUCT_BYTES);
     assert_eq!(push(terrain.handle, at, COLS, &good), ELD_NOTICE_NO_LINE);
+}
+
+/// A call marks the memory while it works. The next call finds the mark if it did not return: the grid is lost and begins again.
+#[test]
+fn a_call_that_did_not_return_is_told_by_the_next() {
+    const BUSY: usize = 9;
+    let line = [5.0; COLS];
+    let mut terrain = Terrain::new(&OPTIONS);
+    terrain.call(Some((&line, &[]))).unwrap();
+    change_word(&mut terrain.memory, BUSY, |_| 1);
+    assert_eq!(terrain.call(Some((&line, &[]))).err(), Some(ELD_FAULT_INTERRUPTED));
+    // The first line of a grid gives none yet.
+    assert_eq!(terrain.call(Some((&line, &[]))).map(|given| given.is_none()), Ok(true));
 }

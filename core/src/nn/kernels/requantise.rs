@@ -276,3 +276,6 @@ impl Requantise<'_> {
 fn narrow(limit: i64) -> i32 {
     limit_wide(limit, i32::MIN as i64, i32::MAX as i64) as i32
 }
+
+#[cfg(test)]
+mod tests;

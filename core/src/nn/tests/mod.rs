@@ -7,6 +7,7 @@ mod layer_norm;
 mod model;
 mod program;
 mod random;
+mod refusals;
 mod rows;
 mod schedule;
 mod shadow;

@@ -384,3 +384,17 @@ pub(crate) fn changed(change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     seal_file(&mut model);
     model
 }
+
+/// Changes a word of a state at the start of the memory, in both of its copies, each with a magic before it and a seal behind it that is made right.
+pub(crate) fn change_word(memory: &mut [u64], word: usize, change: impl Fn(u64) -> u64) {
+    let seal = |words: &[u64]| {
+        let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_ne_bytes()).collect();
+        let crc = elunar_core::nn::file::crc32c(&bytes);
+        u64::from(crc) | u64::from(!crc) << 32
+    };
+    let end = (2..memory.len()).find(|end| memory[*end] == seal(&memory[..*end])).expect("a sealed copy");
+    for copy in memory.chunks_exact_mut(end + 1).take(2) {
+        copy[1 + word] = change(copy[1 + word]);
+        copy[end] = seal(&copy[..end]);
+    }
+}

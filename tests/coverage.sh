@@ -1,0 +1,64 @@
+#!/usr/bin/env bash
+# What the tests of a package reach of its own source, in lines and in branches, against the limits in coverage.csv.
+#
+#   tests/coverage.sh [PACKAGE..]             more missed lines or branches than coverage.csv states, or fewer, are errors
+#   tests/coverage.sh --write [PACKAGE..]     writes them
+#   tests/coverage.sh --missed [PACKAGE..]    also prints every missed branch and line; else the counts of each file
+#
+# A package's own unit, integration and documentation tests count. Tests themselves do not count as source, nor do kernels for one kind of processor,
+# which another machine does not run. The C programs of elunar-capi do not count: their runs write no profile. Some tests of elunar-raster need GDAL.
+#
+# A branch is one outcome of a condition. This compiler counts no arm of `match`, and refuses MC/DC: `-Z coverage-options=mcdc` has no meaning for it.
+# Counting of branches is unstable, so RUSTC_BOOTSTRAP is set for the packages of this repository alone. LLVM's tools are those of the compiler's LLVM:
+# rustup component add llvm-tools, or the Debian package llvm-N.
+set -euo pipefail
+
+# As a wrapper of rustc: cargo calls this file for the crates of this repository alone.
+if [ -n "${COVERAGE_OF_RUSTC:-}" ]; then
+    RUSTC_BOOTSTRAP=1 exec "$@" -C instrument-coverage -Z coverage-options=branch
+fi
+
+cd "$(dirname "$0")/.."
+root="$PWD"
+target="${CARGO_TARGET_DIR:-$root/target}/coverage"
+options=() packages=()
+for word in "$@"; do
+    case "$word" in --*) options+=("$word") ;; *) packages+=("$word") ;; esac
+done
+[ ${#packages[@]} -gt 0 ] || packages=(elunar-core elunar-capi elunar-raster)
+
+# $1: a tool of LLVM. Prints its path: that of the compiler's own, else that of the same LLVM.
+tool() {
+    local own major
+    own="$(rustc --print sysroot)/lib/rustlib/$(rustc -vV | sed -n 's/^host: //p')/bin/$1"
+    major="$(rustc -vV | sed -n 's/^LLVM version: \([0-9]*\).*/\1/p')"
+    if [ -x "$own" ]; then echo "$own"; else command -v "$1-$major"; fi
+}
+if ! profdata="$(tool llvm-profdata)" || ! cov="$(tool llvm-cov)"; then
+    echo "SKIPPED: coverage: no llvm-cov of the compiler's LLVM (rustup component add llvm-tools)"
+    exit 0
+fi
+
+export CARGO_TARGET_DIR="$target" CARGO_INCREMENTAL=0 COVERAGE_OF_RUSTC=1 RUSTC_WORKSPACE_WRAPPER="$root/tests/coverage.sh"
+export RUSTDOCFLAGS="-C instrument-coverage" # for the linker: the crate's own code is in the library
+# The same random cases every time, and no data from outside of the repository, so that the same branches are reached.
+export PROPTEST_RNG_SEED=1 PROPTEST_DISABLE_FAILURE_PERSISTENCE=true ELUNAR_SHARED="$target/none"
+for package in "${packages[@]}"; do
+    made="$target/$package"
+    rm -rf "$made" && mkdir -p "$made"
+    export LLVM_PROFILE_FILE="$made/%p-%m.profraw"
+    # The programs have the map of the source, each run adds its counts.
+    cargo test --locked --package "$package" --lib --bins --tests --no-run --message-format=json |
+        sed -n 's/.*"executable":"\([^"]*\)".*/\1/p' >"$made/programs"
+    find "$made" -name '*.profraw' -delete # of build scripts
+    cargo test --locked --package "$package" --quiet >"$made/log" 2>&1 || { cat "$made/log"; exit 1; }
+    "$profdata" merge --sparse --failure-mode=all "$made"/*.profraw -o "$made/merged.profdata"
+    # Each program by itself: of functions with one name in several programs, llvm-cov keeps one.
+    while read -r program; do
+        found="$made/$(basename "$program")"
+        export_() { "$cov" export "$@" "$program" --instr-profile "$made/merged.profdata" 2>>"$made/warnings"; }
+        export_ --format=text --skip-functions --skip-expansions >"$found.json"
+        export_ --format=lcov >"$found.info"
+    done <"$made/programs"
+done
+exec tests/coverage.py "$target" "${options[@]}" "${packages[@]}"
