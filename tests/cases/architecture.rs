@@ -123,6 +123,7 @@ const UNSAFE_ALLOWED: [&str; 15] = [
     "onboard/flight/demo/src/c_calls.rs",
     "onboard/flight/demo/src/c_lines.rs",
     "onboard/flight/demo/src/c_slots.rs",
+    "onboard/flight/demo/src/inject.rs",
     "onboard/flight/demo/src/calls.rs",
     "onboard/flight/demo/src/mark.rs",
     "onboard/flight/staticlib/src/proof.rs",

@@ -135,7 +135,7 @@ mod tests {
         let (sin, cos) = lon.to_radians().sin_cos();
         let georef = info(polar, [rho * sin, pixel, 0.0, -rho * cos, 0.0, -pixel]).georef.unwrap();
         let north_deg = north_deg(&georef, 1, 1).unwrap();
-        assert!((north_deg - (180.0 - lon)).abs() < 0.01, "{north_deg}");
+        assert!((north_deg - (360.0 - lon)).abs() < 0.01, "{north_deg}");
         near(angles(polar, [rho * sin - 101.0, pixel, 0.0, -rho * cos + 101.0, 0.0, -pixel]), 107.71 - lon);
     }
 
