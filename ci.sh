@@ -120,7 +120,7 @@ python() {
     "$venv/bin/python" host-train/python/examples/figure.py "$target/python.png"
 }
 
-# The runner's kernels for WebAssembly, and the page in a browser against the program on this machine.
+# The runner's kernels for WebAssembly, and the page and reports in a browser against the program on this machine.
 page() {
     local wasm=wasm32-wasip1 features
     if [ ! -d "$(rustc --print sysroot)/lib/rustlib/$wasm" ]; then

@@ -1,6 +1,7 @@
 //! The page of a finished prediction: image, coarse DTM and DTM as a relief, and what was taken and found.
 
 use super::request::Request;
+use super::words::file_name;
 use crate::html::{Cell, LONGEST_PX, LayerRole, ReliefLayer, ReliefScene, document, escaped, relief, table};
 use elunar_base::quantile::nearest_rank;
 use elunar_base::{Result, atomic_write};
@@ -31,7 +32,7 @@ pub(super) fn write(path: &Path, args: &Request, scene: &Scene, record: &Predict
         ),
         format!("<p class=\"faint\">elunar {}</p>\n", env!("CARGO_PKG_VERSION")),
     ];
-    let title = format!("{}: a DTM from one image", file(&args.output));
+    let title = format!("{}: a DTM from one image", file_name(&args.output));
     atomic_write(path, document(&title, &body.concat()).as_bytes())
 }
 
@@ -57,7 +58,7 @@ fn maps(args: &Request, scene: &Scene) -> Result<ReliefScene> {
     let (row_m, col_m) = heights.pixel_m().unwrap_or_default();
     let layer = |name: &str, role, samples| ReliefLayer { name: name.into(), role, samples };
     Ok(ReliefScene {
-        title: file(&args.output),
+        title: file_name(&args.output),
         rows: heights.rows,
         cols: heights.cols,
         pixel: PixelSize { row_m, col_m },
@@ -94,9 +95,9 @@ fn opening(args: &Request, record: &PredictionRecord, shown: &ReliefScene) -> St
     format!(
         "<h1>{}: a DTM from one image</h1>\n<p>The image <b>{}</b> ({rows} × {cols} pixels of {pixel_m:.2} m) and the coarse DTM <b>{}</b> \
          (pixels of {:.0} m) became heights from {lowest_m:.1} to {highest_m:.1} m. {how_good}{reduced}</p>\n{warnings}",
-        escaped(&file(&args.output)),
-        escaped(&file(&args.inputs.image)),
-        escaped(&file(&args.inputs.coarse)),
+        escaped(&file_name(&args.output)),
+        escaped(&file_name(&args.inputs.image)),
+        escaped(&file_name(&args.inputs.coarse)),
         pixel_m * coarse_px,
     )
 }
@@ -120,10 +121,6 @@ fn found(record: &PredictionRecord) -> String {
 fn of_light(light: &LightRecord) -> String {
     let spread = if light.azimuth_sd_deg > 0.0 { format!(" ± {:.0}", light.azimuth_sd_deg) } else { String::new() };
     format!("{}: azimuth {:.0}{spread}°, elevation {:.0}°", light.source, light.azimuth_deg, light.elevation_deg)
-}
-
-fn file(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 #[cfg(test)]

@@ -3,6 +3,7 @@
 
 use super::request::Request;
 use super::task::Work;
+use super::words::file_name;
 use elunar_base::digest::sha256;
 use elunar_base::{Error, Result, SOFTWARE, atomic_write};
 use elunar_core::sun::{Body, UtcTime};
@@ -67,8 +68,8 @@ fn properties(args: &Request, work: &Work, record: &PredictionRecord) -> Result<
     };
     let description = format!(
         "Heights above the sphere, metres, from the image {} and the coarse DTM {}, by {}.{of_time}",
-        file(&args.inputs.image),
-        file(&args.inputs.coarse),
+        file_name(&args.inputs.image),
+        file_name(&args.inputs.coarse),
         record.model
     );
     set("description", description.into());
@@ -163,10 +164,6 @@ fn now() -> Result<String> {
     let unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs() as f64);
     let time = UtcTime::from_days((unix_s - 946_728_000.0) / 86_400.0);
     time.map(|time| time.to_string()).map_err(|e| Error::usage(format!("the clock of this machine: {e}")))
-}
-
-fn file(path: &Path) -> String {
-    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 #[cfg(test)]

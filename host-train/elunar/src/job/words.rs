@@ -3,6 +3,7 @@
 use clap::ValueEnum;
 use elunar_base::digest::sha256_hex;
 use elunar_raster::Crs;
+use std::path::Path;
 
 /// Returns the name of a value as on the command line.
 pub fn name<T: ValueEnum>(value: &T) -> Option<String> {
@@ -13,6 +14,11 @@ pub fn name<T: ValueEnum>(value: &T) -> Option<String> {
 #[must_use]
 pub fn number(value: Option<f64>) -> Option<String> {
     value.map(|value| value.to_string())
+}
+
+/// Returns a file's name without its folder, for people.
+pub(super) fn file_name(path: &Path) -> String {
+    path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
 /// Returns a reference system as one word: its summary, and the start of a SHA-256 of all its keys, which the summary does not hold.

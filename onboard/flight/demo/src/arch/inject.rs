@@ -5,7 +5,7 @@
 
 use core::sync::atomic::{AtomicUsize, Ordering::Relaxed};
 
-/// What is flipped, in the order of the injection's first word.
+/// What is flipped: classes of an injection.
 const REGISTER: usize = 1;
 const STACK: usize = 2;
 const CODE: usize = 3;
