@@ -56,6 +56,7 @@ impl<'m> Terrain<'m> {
             pixels: PixelForm::F32,
             posts: None,
             expected_errors: false,
+            checked: false,
         };
         let plan = StripPlan::new(&model, settings).ok()?;
         let mut take = {
