@@ -1321,8 +1321,8 @@ eld_status_t eld_begin_step(eld_context_t *context,
 
 /**
  * Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
- * by less than one unit (`largest_unit_macs`). Bytes that are compared count as well. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
- * done.
+ * by less than one unit (`largest_unit_macs`). Other work, such as rounding and comparing, counts as well. It does not depend on the
+ * data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is done.
  */
 eld_status_t eld_step(eld_context_t *context,
                       uint64_t budget_macs);

@@ -351,8 +351,8 @@ unsafe fn begin_tile(context: *mut eld_context_t, tile: *const eld_tile_t, budge
 }
 
 /// Works until `budget_macs` multiply-accumulates are spent or the tile is done. It does at least one unit of work, and exceeds the budget
-/// by less than one unit (`largest_unit_macs`). Bytes that are compared count as well. The work does not depend on the data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is
-/// done.
+/// by less than one unit (`largest_unit_macs`). Other work, such as rounding and comparing, counts as well. It does not depend on the
+/// data. `ELD_RUNNING`: call again; `ELD_OK`: the tile is done.
 #[unsafe(no_mangle)]
 pub unsafe extern "C" fn eld_step(context: *mut eld_context_t, budget_macs: u64) -> eld_status_t {
     // SAFETY: the caller's promise.

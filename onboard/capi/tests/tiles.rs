@@ -509,9 +509,9 @@ fn telemetry_counts() {
     assert_eq!(context.telemetry().phase, ELD_PHASE_TILE);
     context.step(STEP_MACS);
     let halfway = context.telemetry();
-    // The rest of the budget went into bytes that were compared.
+    // The rest of the budget went into sums that were rounded and bytes that were compared.
     assert!(halfway.entry > 0 && halfway.macs < STEP_MACS + needs.largest_unit_macs && halfway.steps == 1);
-    assert!(halfway.macs > STEP_MACS / 10 * 9, "{}", halfway.macs);
+    assert!(halfway.macs > STEP_MACS / 3 * 2, "{}", halfway.macs);
     context.finish();
     while context.telemetry().scrub_passes == 0 {
         assert_eq!(context.scrub(100_000), ELD_OK);

@@ -17,7 +17,7 @@
 //! the border row); columns left and right are the tensor's margin.
 
 use super::requantise::requantise;
-use super::witness::{LEAST_PIXELS, MOST_PRODUCTS, PatchRow, Sums, Witness, panel_sums};
+use super::witness::{LEAST_PIXELS, MOST_PRODUCTS, PatchRow, Sums, TOGETHER, Witness, panel_sums};
 use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::file::{Conv, MAX_KERNEL, PHASE_TAPS, PHASES, Phase};
@@ -228,6 +228,7 @@ impl<'m> Job<'_, 'm> {
     #[inline(always)]
     fn sum_products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, stretch: &Stretch<'m>) {
         head_mut(acc, self.width).fill(0);
+        let mut sums = [0; TOGETHER];
         for filter in stretch.filters.iter().flatten() {
             for (source, t) in self.sources.iter().enumerate() {
                 let Some(t) = t else { continue };
@@ -244,7 +245,7 @@ impl<'m> Job<'_, 'm> {
                             groups,
                             outside: (!inside).then(|| zero_code(t, plane)),
                         };
-                        row.add_products::<I>(arena, acc, part(weights, k * bytes, bytes), self.width);
+                        row.add_products::<I>(arena, acc, part(weights, k * bytes, bytes), self.width, &mut sums);
                     }
                 }
             }

@@ -11,12 +11,16 @@
 use crate::nn::arena::Arena;
 use crate::nn::kernels::{Accumulators, Isa, Patch};
 use crate::nn::panels::PANEL;
-use crate::part::{copy, head, head_mut, part};
+use crate::part::{copy, head, head_mut, part, part_mut};
 
 /// Number of bytes of a row's patch that are summed together.
-const TOGETHER: usize = 256;
-/// Number of words of four bytes whose sums stay in registers.
-const WORDS: usize = 4;
+pub(super) const TOGETHER: usize = 512;
+/// Number of bytes whose sums stay in registers.
+const VECTOR: usize = 16;
+/// Most bytes of the patches that fill whole vectors together.
+const LONGEST: usize = 128;
+/// Every second byte of a word.
+const EVEN: u32 = 0x00ff_00ff;
 /// Number of pixels after which the sums of two bytes side by side are folded: 255 * 128 + 510 < 2^16.
 const FOLDED: usize = 128;
 
@@ -118,10 +122,16 @@ pub(super) struct PatchRow {
 impl PatchRow {
     /// Adds the products of the sum of the patches.
     #[inline(always)]
-    pub(super) fn add_products<I: Isa>(&self, arena: &Arena<'_>, acc: &mut Accumulators, weights: &[u8], width: usize) {
-        let mut sums = [0; TOGETHER];
+    pub(super) fn add_products<I: Isa>(
+        &self,
+        arena: &Arena<'_>,
+        acc: &mut Accumulators,
+        weights: &[u8],
+        width: usize,
+        sums: &mut [u8; TOGETHER],
+    ) {
         for first in (0..4 * self.groups).step_by(TOGETHER) {
-            let sums = head_mut(&mut sums, TOGETHER.min(4 * self.groups - first));
+            let sums = head_mut(sums, TOGETHER.min(4 * self.groups - first));
             match self.outside {
                 Some(code) => sums.fill(folded(self.count as u32 * code as u32)),
                 None => self.sum(arena.bytes, first, sums),
@@ -134,19 +144,47 @@ impl PatchRow {
     /// Writes the sums of bytes from `first` of the patches on, modulo 255.
     #[inline(always)]
     fn sum(&self, bytes: &[u8], first: usize, sums: &mut [u8]) {
-        let start = self.start + first;
-        let direct = self.stride.min(sums.len());
-        let mut done = 0;
-        while done + 4 * WORDS <= direct {
-            self.words::<WORDS>(bytes, start, done, sums);
-            done += 4 * WORDS;
+        if cfg!(any(target_feature = "neon", target_feature = "sse2", target_feature = "simd128")) {
+            self.sum_by::<Wide>(bytes, first, sums);
+        } else {
+            self.sum_by::<Words<{ VECTOR / 4 }>>(bytes, first, sums);
         }
-        while done < direct {
-            self.words::<1>(bytes, start, done, sums);
-            done += 4;
+    }
+
+    #[inline(always)]
+    fn sum_by<L: Lanes>(&self, bytes: &[u8], first: usize, sums: &mut [u8]) {
+        let (stride, start) = (self.stride, self.start + first);
+        let direct = stride.min(sums.len());
+        // Patches that follow each other without a gap are summed by as many together as fill whole vectors.
+        let together = VECTOR >> stride.trailing_zeros().min(VECTOR.trailing_zeros());
+        let long = together * stride;
+        if together > 1 && direct == stride && long <= LONGEST {
+            let mut wide = [0; LONGEST];
+            let wide = head_mut(&mut wide, long);
+            let all = Run { start, stride: long, count: self.count / together };
+            for at in (0..long).step_by(VECTOR) {
+                all.write::<L>(bytes, at, wide);
+            }
+            let done = all.count * long;
+            let rest = part(bytes, start + done, self.count * stride - done);
+            let mut totals = [0; LONGEST / 2];
+            let totals = head_mut(&mut totals, stride);
+            for one in wide.chunks(stride.max(1)).chain(rest.chunks(stride.max(1))) {
+                totals.iter_mut().zip(one).for_each(|(total, byte)| *total += *byte as u16);
+            }
+            sums.iter_mut().zip(totals).for_each(|(to, total)| *to = folded(*total as u32));
+        } else {
+            let run = Run { start, stride, count: self.count };
+            let whole = direct - direct % VECTOR;
+            for at in (0..whole).step_by(VECTOR) {
+                run.write::<L>(bytes, at, sums);
+            }
+            for at in (whole..direct).step_by(4) {
+                run.write::<Words<1>>(bytes, at, sums);
+            }
         }
         // A byte of the second patch is one of the first patch, a stride later.
-        let last = start + self.count.saturating_sub(1) * self.stride;
+        let last = start + self.count.saturating_sub(1) * stride;
         for at in (direct..sums.len()).step_by(direct.max(1)) {
             let Some((before, now)) = sums.split_at_mut_checked(at) else { return };
             let len = direct.min(now.len());
@@ -158,31 +196,100 @@ impl PatchRow {
             }
         }
     }
+}
 
-    /// Writes the sums of `W` words from byte `at` on.
+/// Bytes that lie `stride` apart, `count` times.
+struct Run {
+    start: usize,
+    stride: usize,
+    count: usize,
+}
+
+impl Run {
+    /// Writes the sums from byte `at` on.
     #[inline(always)]
-    fn words<const W: usize>(&self, bytes: &[u8], start: usize, at: usize, sums: &mut [u8]) {
-        const EVEN: u32 = 0x00ff_00ff;
-        let (mut even, mut odd) = ([0u32; W], [0u32; W]);
-        let mut pixel = 0;
-        while pixel < self.count {
-            for p in pixel..(pixel + FOLDED).min(self.count) {
-                let from = bytes.get(start + p * self.stride + at..).unwrap_or_default();
-                let Some(words) = from.as_chunks::<4>().0.first_chunk::<W>() else { return };
-                for k in 0..W {
-                    let word = u32::from_le_bytes(words[k]);
-                    even[k] = even[k].wrapping_add(word & EVEN);
-                    odd[k] = odd[k].wrapping_add(word >> 8 & EVEN);
-                }
-            }
-            for k in 0..W {
-                even[k] = (even[k] & EVEN) + (even[k] >> 8 & EVEN);
-                odd[k] = (odd[k] & EVEN) + (odd[k] >> 8 & EVEN);
-            }
-            pixel += FOLDED;
+    fn write<L: Lanes>(&self, bytes: &[u8], at: usize, to: &mut [u8]) {
+        let (mut sums, from) = (L::ZERO, self.start + at);
+        let Some(before) = self.count.checked_sub(1) else { return };
+        // The last one may lie at the end of the bytes, without what follows it in the others' stride.
+        for first in (0..before).step_by(FOLDED) {
+            let count = FOLDED.min(before - first);
+            let some = part(bytes, from + first * self.stride, count * self.stride);
+            some.chunks_exact(self.stride.max(1)).for_each(|from| sums.add(from));
+            sums.fold();
         }
-        let bytes = (0..W).flat_map(|k| [even[k], odd[k], even[k] >> 16, odd[k] >> 16]);
-        sums.iter_mut().skip(at).zip(bytes).for_each(|(to, sum)| *to = folded(sum & 0xffff));
+        sums.add(part(bytes, from + before * self.stride, L::BYTES));
+        sums.write(part_mut(to, at, L::BYTES.min(to.len() - at)));
+    }
+}
+
+/// Sums of bytes side by side, in registers.
+trait Lanes {
+    const ZERO: Self;
+    /// Number of bytes.
+    const BYTES: usize;
+    /// Adds the first bytes; at most [`FOLDED`] times, then they are folded.
+    fn add(&mut self, from: &[u8]);
+    /// Makes the sums smaller, the same modulo 255.
+    fn fold(&mut self);
+    /// Writes them modulo 255.
+    fn write(&self, to: &mut [u8]);
+}
+
+/// For vectors.
+struct Wide([u16; VECTOR]);
+
+impl Lanes for Wide {
+    const ZERO: Self = Self([0; VECTOR]);
+    const BYTES: usize = VECTOR;
+
+    #[inline(always)]
+    fn add(&mut self, from: &[u8]) {
+        let Some(from) = from.first_chunk::<VECTOR>() else { return };
+        self.0.iter_mut().zip(from).for_each(|(sum, byte)| *sum = sum.wrapping_add(*byte as u16));
+    }
+
+    #[inline(always)]
+    fn fold(&mut self) {
+        self.0 = self.0.map(|sum| (sum & 0xff) + (sum >> 8));
+    }
+
+    #[inline(always)]
+    fn write(&self, to: &mut [u8]) {
+        to.iter_mut().zip(self.0).for_each(|(to, sum)| *to = folded(sum as u32));
+    }
+}
+
+/// For registers of 32 bits: every second byte of a word in one, the others in another.
+struct Words<const W: usize> {
+    even: [u32; W],
+    odd: [u32; W],
+}
+
+impl<const W: usize> Lanes for Words<W> {
+    const ZERO: Self = Self { even: [0; W], odd: [0; W] };
+    const BYTES: usize = 4 * W;
+
+    #[inline(always)]
+    fn add(&mut self, from: &[u8]) {
+        let Some(words) = from.as_chunks::<4>().0.first_chunk::<W>() else { return };
+        for k in 0..W {
+            let word = u32::from_le_bytes(words[k]);
+            self.even[k] = self.even[k].wrapping_add(word & EVEN);
+            self.odd[k] = self.odd[k].wrapping_add(word >> 8 & EVEN);
+        }
+    }
+
+    #[inline(always)]
+    fn fold(&mut self) {
+        let fold = |sums: u32| (sums & EVEN) + (sums >> 8 & EVEN);
+        (self.even, self.odd) = (self.even.map(fold), self.odd.map(fold));
+    }
+
+    #[inline(always)]
+    fn write(&self, to: &mut [u8]) {
+        let bytes = (0..W).flat_map(|k| [self.even[k], self.odd[k], self.even[k] >> 16, self.odd[k] >> 16]);
+        to.iter_mut().zip(bytes).for_each(|(to, sum)| *to = folded(sum & 0xffff));
     }
 }
 
@@ -211,11 +318,13 @@ mod tests {
             let bytes: Vec<u8> = r.bytes(len).into_iter().map(|code| if high { code | 0xf0 } else { code }).collect();
             let row = PatchRow { start, stride, count, groups, outside: None };
             let first = 4 * r.size(0, groups - 1);
-            let mut sums = vec![0; 4 * groups - first];
-            row.sum(&bytes, first, &mut sums);
-            for (j, sum) in sums.iter().enumerate() {
-                let expected: u32 = (0..count).map(|p| bytes[start + p * stride + first + j] as u32).sum();
-                assert_eq!(expected % 255, *sum as u32 % 255, "byte {j} of {row:?}");
+            for by in [PatchRow::sum_by::<Wide>, PatchRow::sum_by::<Words<4>>] {
+                let mut sums = vec![0; 4 * groups - first];
+                by(&row, &bytes, first, &mut sums);
+                for (j, sum) in sums.iter().enumerate() {
+                    let expected: u32 = (0..count).map(|p| bytes[start + p * stride + first + j] as u32).sum();
+                    assert_eq!(expected % 255, *sum as u32 % 255, "byte {j} of {row:?}");
+                }
             }
         }
     }

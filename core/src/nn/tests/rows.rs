@@ -162,10 +162,19 @@ proptest! {
         let input = Tensor { rows, cols, channels, ..out };
         let prepared = Prepared { operator, out, inputs: [Some(input), None, None], checked: true };
         let units = (0..prepared.steps()).flat_map(|step| (0..prepared.units()).map(move |unit| (step, unit)));
-        let macs = units.map(|(step, unit)| prepared.unit_macs(step, unit));
-        prop_assert_eq!(prepared.macs(), macs.clone().sum::<u64>(), "{:?}", operator);
+        let macs = units.clone().map(|(step, unit)| prepared.unit_macs(step, unit));
+        let macs = macs.sum::<u64>();
+        prop_assert_eq!(prepared.macs(), macs, "{:?}", operator);
+        let work = units.map(|(step, unit)| prepared.unit_work(step, unit));
+        let expected = match operator {
+            Operator::Conv(_) => macs * input.dtype.bytes().min(2) as u64 + 16 * out.len() as u64,
+            Operator::Attention(_) => macs / 2 * 3,
+            Operator::LayerNorm(_) => 40 * out.len() as u64,
+            Operator::Upsample2(_) => 16 * out.len() as u64,
+        };
+        prop_assert_eq!(expected, work.clone().sum::<u64>(), "{:?}", operator);
         let bytes = operator.most_rows_read(0, rows) * input.row_bytes() + operator.most_rows_written(&out) * out.row_bytes();
-        prop_assert_eq!(prepared.largest_unit(), macs.max().unwrap() + bytes as u64, "{:?}", operator);
+        prop_assert_eq!(prepared.largest_unit(), work.max().unwrap() + bytes as u64, "{:?}", operator);
     }
 }
 

@@ -93,9 +93,10 @@ fn bytes_that_are_compared_and_summed_count_as_work() {
     let model = Model::new(&file).unwrap();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::new(model, &mut arena).unwrap();
-    // Panels of 32, 32 and 8 channels from one of the image. The first unit compares a row of 10 bytes; the last sums one of 700.
-    let units = [10 + 10 * 32, 10 * 32, 10 * 6 + 700];
+    // Panels of 32, 32 and 8 channels from one of the image. A product and its rounded sum are 17. The first unit compares a row
+    // of 10 bytes; the last sums one of 700.
     let macs = [320, 320, 60];
+    let units = [10 + 17 * macs[0], 17 * macs[1], 17 * macs[2] + 700];
     for (budget, done) in [(1, 1), (units[0], 1), (units[0] + 1, 2), (units[0] + units[1], 2)] {
         runner.begin(&[0.5; 120], &[0.0; 120]).unwrap();
         let before = runner.telemetry().macs;
@@ -114,7 +115,7 @@ fn bytes_that_are_compared_and_summed_count_as_work() {
     runner.protect(false);
     runner.begin(&[0.5; 120], &[0.0; 120]).unwrap();
     let before = runner.telemetry().macs;
-    runner.step(701).unwrap();
+    runner.step(17 * 700 + 1).unwrap();
     assert_eq!(runner.telemetry().macs - before, 1020);
     assert!(model.largest_unit() >= *units.iter().max().unwrap());
 }
