@@ -25,7 +25,7 @@ fn states_are_those_of_the_service() {
         .filter_map(|line| line.trim().strip_prefix("SERVICE_"))
         .map(|line| line.split([',', ' ']).next().unwrap())
         .collect();
-    assert_eq!(service.len(), 7, "{service:?}");
+    assert_eq!(service.len(), 8, "{service:?}");
     assert_eq!(states, service);
 }
 
