@@ -27,6 +27,7 @@ VERSION = "Cppcheck 2.10"
 # Each is a program of its own: its names do not meet those of another.
 PROGRAMS = {
     "super-loop": ["super_loop.c", "duty.c", "service.c"],
+    "strip": ["strip_service.c"],
     "FreeRTOS": ["freertos_task.c"],
     "RTEMS": ["rtems_task.c"],
     "Zephyr": ["zephyr_thread.c"],

@@ -20,9 +20,9 @@ int duty_start(void) {
     eld_status_t status;
     /* The linked library and the compiled header must have the same major version. */
     if (eld_version() >> 16 != (uint32_t)ELD_VERSION >> 16) { return 0; }
-    status = service_start(&service, memory, sizeof memory, model, model_bytes);
+    status = service_start(&service, memory, sizeof memory, model, model_bytes, DUTY_PX);
     tell(status);
-    return service.state != SERVICE_DOWN && (size_t)service.info.tile_rows * service.info.tile_cols <= DUTY_PX;
+    return service.state != SERVICE_DOWN;
 }
 
 eld_status_t duty_cycle(void) {

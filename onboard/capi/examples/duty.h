@@ -13,7 +13,7 @@
 /* Bytes scrubbed in an idle cycle. */
 #define DUTY_SCRUB_BYTES 16384u
 
-/* Starts the service; returns 0 if it cannot start. */
+/* Begins to start the service; returns 0 if it cannot start. Cycles do the rest. */
 int duty_start(void);
 /* Runs one cycle; returns its status. */
 eld_status_t duty_cycle(void);

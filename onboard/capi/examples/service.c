@@ -94,7 +94,40 @@ static eld_status_t begin_first(service_t *service, service_state_t state) {
     return respond(service, begin(service));
 }
 
-eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes) {
+/* Makes the context of a validated model, or compares the model with the one that the context has. */
+static eld_status_t accept(service_t *service, const eld_model_info_t *found) {
+    if ((size_t)found->tile_rows * found->tile_cols > service->max_px) { return ELD_REFUSED_BUFFER; }
+    if (service->context != NULL) {
+        /* Another model needs another context, and possibly more memory. */
+        return found->header_crc == service->info.header_crc ? ELD_OK : ELD_FAULT_MODEL_CHANGED;
+    }
+    service->info = *found;
+    return eld_init_checked(service->memory, service->memory_bytes, service->model, service->model_bytes, &service->check,
+                            &service->context);
+}
+
+/* Validates a piece of the model; behind the last one, begins the self test. */
+static eld_status_t check(service_t *service, uint64_t budget_macs) {
+    eld_model_info_t found;
+    eld_status_t status;
+    found.struct_bytes = sizeof found;
+    status = eld_model_check_step(service->model, service->model_bytes, budget_macs, &service->check, &found);
+    if (status == ELD_OK) { status = accept(service, &found); }
+    service->status = status;
+    if (status == ELD_RUNNING) { return status; }
+    if (ELD_WORKED(status)) { return begin_first(service, SERVICE_SELF_TEST); }
+    service->state = service->context == NULL ? SERVICE_DOWN : SERVICE_WANTS_MODEL;
+    return status;
+}
+
+/* Begins to validate the model: the smallest piece, which refuses what is wrong with its header. Cycles do the rest. */
+static eld_status_t begin_check(service_t *service) {
+    (void)memset(&service->check, 0, sizeof service->check);
+    service->state = SERVICE_CHECK;
+    return check(service, 1);
+}
+
+eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes, size_t max_px) {
     eld_tile_t tile = service->tile;
     int has_tile = service->has_tile;
     uint32_t drops = service->drops;
@@ -106,12 +139,8 @@ eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes
     service->memory_bytes = memory_bytes;
     service->model = model;
     service->model_bytes = model_bytes;
-    service->info.struct_bytes = sizeof service->info;
-    service->status = eld_model_check(model, model_bytes, &service->info);
-    if (!ELD_WORKED(service->status)) { return service->status; }
-    service->status = eld_init(memory, memory_bytes, model, model_bytes, &service->context);
-    if (!ELD_WORKED(service->status)) { return service->status; }
-    return begin_first(service, SERVICE_SELF_TEST);
+    service->max_px = max_px;
+    return begin_check(service);
 }
 
 eld_pixels_t service_floats(const void *map, size_t bytes) {
@@ -137,13 +166,17 @@ eld_status_t service_self_test(service_t *service) {
 }
 
 eld_status_t service_scrub(service_t *service, size_t max_bytes) {
-    if (service->state == SERVICE_DOWN || service->state == SERVICE_WANTS_MODEL) { return ELD_REFUSED_NOT_DONE; }
+    if (service->state == SERVICE_DOWN || service->state == SERVICE_WANTS_MODEL || service->state == SERVICE_CHECK) {
+        return ELD_REFUSED_NOT_DONE;
+    }
     return respond(service, eld_scrub(service->context, max_bytes));
 }
 
 eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes) {
     eld_status_t status;
     switch (service->state) {
+    case SERVICE_CHECK:
+        return check(service, budget_macs);
     case SERVICE_SELF_TEST:
         status = eld_step(service->context, budget_macs);
         if (!ELD_WORKED(status) || status == ELD_RUNNING) { return respond(service, status); }
@@ -178,15 +211,6 @@ eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid) 
 }
 
 eld_status_t service_model_reloaded(service_t *service) {
-    eld_model_info_t info;
     if (service->state != SERVICE_WANTS_MODEL) { return ELD_REFUSED_NOT_DONE; }
-    info.struct_bytes = sizeof info;
-    service->status = eld_model_check(service->model, service->model_bytes, &info);
-    if (!ELD_WORKED(service->status)) { return service->status; }
-    /* Another model needs another context, and possibly more memory. */
-    if (info.header_crc != service->info.header_crc) {
-        service->status = ELD_FAULT_MODEL_CHANGED;
-        return service->status;
-    }
-    return begin_first(service, SERVICE_SELF_TEST);
+    return begin_check(service);
 }

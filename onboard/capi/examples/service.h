@@ -27,7 +27,8 @@ typedef enum {
     SERVICE_IDLE,        /* ready for a tile; cycles scrub the model */
     SERVICE_TILE,        /* a tile is prepared or in progress */
     SERVICE_READY,       /* a tile is done: call service_take */
-    SERVICE_FAILED       /* the self test failed twice, the second time with the model loaded again: do not use the heights */
+    SERVICE_FAILED,      /* the self test failed twice, the second time with the model loaded again: do not use the heights */
+    SERVICE_CHECK        /* the model is being validated, a piece a cycle; then the self test begins */
 } service_state_t;
 
 /* A service. All bytes must be zero before its first start, as in a static variable. Callers only read the fields. */
@@ -36,6 +37,8 @@ typedef struct {
     size_t memory_bytes;
     const void *model; /* in flash or RAM; must stay at this address as long as the service is used */
     size_t model_bytes;
+    size_t max_px;       /* pixels of the largest tile that the caller has room for */
+    eld_check_t check;   /* how far the model is validated */
     eld_context_t *context;
     eld_model_info_t info;
     eld_tile_t tile; /* its maps must stay valid until the tile is ready or dropped, because it may begin again */
@@ -48,8 +51,9 @@ typedef struct {
     uint32_t drops;      /* tiles dropped: refused, or given up after SERVICE_ATTEMPTS faults */
 } service_t;
 
-/* Validates the model, makes the context, and begins the self test: at boot, and after SERVICE_DOWN. A tile in progress begins again. */
-eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes);
+/* Begins to validate the model: at boot, and after SERVICE_DOWN. Only the smallest piece is done: ELD_RUNNING. Cycles do the rest, make the
+ * context and begin the self test; if they cannot, the state is SERVICE_DOWN. A tile in progress begins again. */
+eld_status_t service_start(service_t *service, void *memory, size_t memory_bytes, const void *model, size_t model_bytes, size_t max_px);
 
 /* Describes an image of floats. */
 eld_pixels_t service_floats(const void *map, size_t bytes);
@@ -58,8 +62,8 @@ eld_pixels_t service_floats(const void *map, size_t bytes);
  * SERVICE_IDLE. Only the smallest piece of its preparation is done: ELD_RUNNING. Cycles do the rest. */
 eld_status_t service_give(service_t *service, const eld_tile_t *tile);
 
-/* Does one bounded piece of work: budget_macs of preparation or of a step while a tile or self test is in progress, else scrub_bytes of
- * scrubbing. */
+/* Does one bounded piece of work: budget_macs of the model's validation, or of preparation or a step while a tile or self test is in
+ * progress, else scrub_bytes of scrubbing. */
 eld_status_t service_cycle(service_t *service, uint64_t budget_macs, size_t scrub_bytes);
 
 /* Compares up to max_bytes of the model with its checksums; refused (ELD_REFUSED_NOT_DONE) without a context or a model. */
@@ -71,7 +75,8 @@ eld_status_t service_self_test(service_t *service);
 /* Copies the heights of a finished tile; then the state is SERVICE_IDLE. valid may be NULL. */
 eld_status_t service_take(service_t *service, float *heights_m, uint8_t *valid);
 
-/* To be called when the model is loaded again at its address, unchanged: validates it and continues. */
+/* To be called when the model is loaded again at its address, unchanged. Begins to validate it: ELD_RUNNING. Cycles do the rest and begin the
+ * self test; if they cannot, the state is SERVICE_WANTS_MODEL again. */
 eld_status_t service_model_reloaded(service_t *service);
 
 /* Returns the action after a status. */

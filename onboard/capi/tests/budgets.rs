@@ -5,6 +5,7 @@ mod common;
 mod pages;
 use common::{absent, info, nano};
 use pages::{read, repository};
+use std::collections::BTreeSet;
 use std::process::Command;
 
 const PAGE: &str = "onboard/docs/budgets.md";
@@ -76,6 +77,41 @@ fn the_page_has_the_tables_that_are_printed() {
         read(PAGE) == expected,
         "{PAGE} differs from what is printed (line {line:?}): ELUNAR_WRITE_BUDGETS=1 cargo test -p elunar-capi --test budgets"
     );
+}
+
+/// Functions that `calls.csv` does not have, and why.
+const NOT_COUNTED: [(&str, &str); 7] = [
+    ("eld_version", "a constant"),
+    ("eld_format_version", "a constant"),
+    ("eld_status_text", "a table"),
+    ("eld_kernel_name", "a table"),
+    ("eld_model_check", "all of eld_model_check_step in one call"),
+    ("eld_init", "eld_model_check and eld_init_checked in one call"),
+    ("eld_begin", "all of eld_begin_step in one call"),
+];
+
+/// Every function of the header was counted on every board that counts, and no other.
+#[test]
+fn every_function_of_the_header_is_counted() {
+    let (header, table) = (read("onboard/capi/include/elunar.h"), read("onboard/flight/boards/calls.csv"));
+    let name = |line: &str| Some(line.split_once('(')?.0.rsplit([' ', '*']).next()?.to_string());
+    let declared: BTreeSet<String> = header
+        .lines()
+        .filter(|line| line.starts_with(char::is_alphabetic) && !line.starts_with("typedef"))
+        .filter_map(name)
+        .filter(|name| name.starts_with("eld_"))
+        .collect();
+    assert!(declared.len() > 40, "{declared:?}");
+    let rows: Vec<(&str, &str)> = table.lines().skip(1).filter_map(|line| line.split_once(',')).collect();
+    let boards: BTreeSet<&str> = rows.iter().map(|row| row.0).collect();
+    for board in boards {
+        let of_board = rows.iter().filter(|row| row.0 == board).filter_map(|row| row.1.split(',').next());
+        let known = of_board.chain(NOT_COUNTED.map(|known| known.0)).map(String::from);
+        assert_eq!(known.collect::<BTreeSet<_>>(), declared, "{board}: onboard/flight/boards/run.sh --calls --record");
+    }
+    for (function, why) in NOT_COUNTED {
+        assert!(rows.iter().all(|row| row.1.split(',').next() != Some(function)), "{function} is counted: not {why}");
+    }
 }
 
 #[test]

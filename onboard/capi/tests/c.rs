@@ -76,7 +76,8 @@ fn golden_strip() -> Vec<f32> {
 fn a_strip_in_c_computes_what_rust_computes() {
     let (folder, expected) = (folder("strip"), golden_strip());
     for language in LANGUAGES.into_iter().filter(|language| exists(language)) {
-        let program = build(&[source("strip.c")], language, &folder);
+        let service = repository().join("onboard/capi/examples/strip_service.c");
+        let program = build(&[source("strip.c"), service], language, &folder);
         let out = folder.join("heights");
         let model = repository().join("host-train/models/nano.eld");
         let said = run(Command::new(&program).arg(model).arg(repository().join("tests/golden/flight_tile")).arg(&out));

@@ -161,7 +161,7 @@ fn the_application_computes_what_rust_computes() {
 }
 
 /// Without a model the application says why, tries ever more seldom, and tries at once after RESET_COUNTERS, which also lets events pass again.
-/// A second copy of the model replaces the first.
+/// A second copy of the model replaces the first, also if that one turns out to be damaged.
 #[test]
 fn a_missing_model_is_told_and_tried_ever_more_seldom() {
     if !exists("c99") {
@@ -169,7 +169,10 @@ fn a_missing_model_is_told_and_tried_ever_more_seldom() {
     }
     let folder = folder("cfs-without");
     let program = bus(&folder);
-    std::fs::copy(repository().join("host-train/models/nano.eld"), folder.join("spare.eld")).unwrap();
+    let mut model = std::fs::read(repository().join("host-train/models/nano.eld")).unwrap();
+    std::fs::write(folder.join("spare.eld"), &model).unwrap();
+    model[3_000_000] ^= 1;
+    std::fs::write(folder.join("damaged.eld"), &model).unwrap();
     let said = run(Command::new(&program).current_dir(&folder));
     println!("{said}");
     let opened: Vec<&str> = said.lines().filter_map(|line| line.strip_prefix("opened ")).collect();
@@ -194,6 +197,8 @@ fn a_missing_model_is_told_and_tried_ever_more_seldom() {
     let loaded: Vec<&str> = events.iter().filter(|event| event.0 == 19).map(|event| event.1).collect();
     assert!(loaded[0].starts_with("ELUNAR: model 0x") && loaded[0].ends_with(" loaded from slot 2"), "{loaded:?}");
     assert_eq!(loaded[1..], ["ELUNAR: model loaded again from slot 2"]);
+    let refused = events.iter().filter(|event| event.0 == 11 && event.1.starts_with("ELUNAR: 0x80030006: ")).count();
+    assert_eq!(refused, 2, "the model of slot 1, before and after the damage");
     for (at, state, slot, waits) in [(0, 0, 0, true), (1, 3, 2, false), (2, 3, 2, false)] {
         let Some(fields) = decoded(&said, at) else { break };
         let value = |name: &str| fields.iter().find(|field| field.0 == name).unwrap().1;

@@ -1,4 +1,4 @@
-//! The F´ component of `onboard/fprime`, as text: it needs F´ to be compiled. See `onboard/docs/fprime.md` for what ran.
+//! The F´ components of `onboard/fprime`, as text: they need F´ to be compiled. See `onboard/docs/fprime.md` for what ran.
 
 mod common;
 use common::repository;
@@ -13,39 +13,63 @@ fn between<'a>(text: &'a str, from: &str, to: &str) -> &'a str {
     &text[start..start + text[start..].find(to).unwrap()]
 }
 
-/// The component casts states of the service to those of its model: they must be the same, in the same order.
-#[test]
-fn states_are_those_of_the_service() {
-    let model = text("fprime/Terrain/Terrain.fpp");
-    let states: Vec<&str> = between(&model, "enum State {", "}").split(',').map(str::trim).collect();
-    let header = text("capi/examples/service.h");
-    let service = &header[..header.find("} service_state_t;").unwrap()];
-    let service: Vec<&str> = service[service.rfind("typedef enum {").unwrap()..]
+/// Returns the names of an enumeration in C that is declared last before its type's name, without their prefix.
+fn enumeration<'a>(header: &'a str, name: &str, prefix: &str) -> Vec<&'a str> {
+    let header = &header[..header.find(&format!("}} {name};")).unwrap()];
+    header[header.rfind("typedef enum {").unwrap()..]
         .lines()
-        .filter_map(|line| line.trim().strip_prefix("SERVICE_"))
+        .filter_map(|line| line.trim().strip_prefix(prefix))
         .map(|line| line.split([',', ' ']).next().unwrap())
-        .collect();
-    assert_eq!(service.len(), 7, "{service:?}");
-    assert_eq!(states, service);
+        .collect()
+}
+
+/// The components cast states of the services to those of their models: they must be the same, in the same order.
+#[test]
+fn states_are_those_of_the_services() {
+    for (model, what, header, name, prefix, number) in [
+        ("Terrain", "enum State {", "service.h", "service_state_t", "SERVICE_", 8),
+        ("Strip", "enum StripState {", "strip_service.h", "strip_state_t", "STRIP_", 5),
+    ] {
+        let model = text(&format!("fprime/{model}/{model}.fpp"));
+        let states: Vec<&str> = between(&model, what, "}").split(',').map(str::trim).collect();
+        let header = text(&format!("capi/examples/{header}"));
+        let service = enumeration(&header, name, prefix);
+        assert_eq!(service.len(), number, "{service:?}");
+        assert_eq!(states, service);
+    }
+}
+
+/// A format of pixels in a command has the number of the library's.
+#[test]
+fn formats_are_those_of_the_library() {
+    let (model, header) = (text("fprime/Strip/Strip.fpp"), text("capi/include/elunar.h"));
+    let formats = between(&model, "enum PixelFormat {", "}").split(',').map(str::trim);
+    let library = ["F32", "U8", "U16_LE", "U16_BE", "U12_PACKED"];
+    for (number, (format, name)) in formats.zip(library).enumerate() {
+        assert!(header.contains(&format!("#define ELD_PIXELS_{name} {number}\n")), "{name}");
+        assert!(format == name || ["FLOAT", "BYTE"][number] == format, "{format}");
+    }
 }
 
 /// Every counter of the library goes into a channel that the model has.
 #[test]
 fn every_counter_has_a_channel() {
     let header = text("capi/include/elunar.h");
-    let structure = &header[..header.find("} eld_telemetry_t;").unwrap()];
-    let fields: Vec<&str> = structure[structure.rfind("typedef struct {").unwrap()..]
-        .lines()
-        .filter_map(|line| line.trim().strip_suffix(';')?.split_once(' ').map(|found| found.1))
-        .filter(|field| *field != "struct_bytes")
-        .collect();
-    assert!(fields.len() > 15, "{fields:?}");
-    let (model, code) = (text("fprime/Terrain/Terrain.fpp"), text("fprime/Terrain/Terrain.cpp"));
-    for field in fields {
-        let call = code.lines().find(|line| line.contains(&format!("(c.{field});")));
-        let call = call.unwrap_or_else(|| panic!("{field}: not sent"));
-        let channel = between(call, "tlmWrite_", "(");
-        assert!(model.contains(&format!("telemetry {channel}: ")), "{channel}: not in the model");
+    for (component, name) in [("Terrain", "eld_telemetry_t"), ("Strip", "eld_strip_telemetry_t")] {
+        let structure = &header[..header.find(&format!("}} {name};")).unwrap()];
+        let fields: Vec<&str> = structure[structure.rfind("typedef struct {").unwrap()..]
+            .lines()
+            .filter_map(|line| line.trim().strip_suffix(';')?.split_once(' ').map(|found| found.1))
+            .filter(|field| *field != "struct_bytes")
+            .collect();
+        assert!(fields.len() > 15, "{fields:?}");
+        let [model, code] = ["fpp", "cpp"].map(|end| text(&format!("fprime/{component}/{component}.{end}")));
+        for field in fields {
+            let call = code.lines().find(|line| line.contains(&format!("(c.{field});")));
+            let call = call.unwrap_or_else(|| panic!("{field}: not sent"));
+            let channel = between(call, "tlmWrite_", "(");
+            assert!(model.contains(&format!("telemetry {channel}: ")), "{channel}: not in the model");
+        }
     }
 }
 

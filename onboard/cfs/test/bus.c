@@ -207,6 +207,12 @@ static bool Scrub(uint32 Bytes) {
     return true;
 }
 
+/* Puts a damaged model into the first slot, and a sound one into the second. */
+static bool MoveModels(void) {
+    if (rename("damaged.eld", ELUNAR_APP_MODEL_FILE) != 0 || rename("spare.eld", ELUNAR_APP_MODEL_FILE_2) != 0) Fail("no models");
+    return false;
+}
+
 static bool HarmModel(void) {
     ((uint8 *)(uintptr_t)ELUNAR_APP_Data.Service.model)[2000000] ^= 8;
     return false;
@@ -240,16 +246,22 @@ static bool PlayWithout(unsigned At) {
         case 4: return Plain(ELUNAR_APP_RESET_COUNTERS_CC);
         case 5: return WakeTimes(1);
         case 6: return TellOpened("after a reset");
-        case 7: if (rename("spare.eld", ELUNAR_APP_MODEL_FILE_2) != 0) Fail("no spare.eld"); return false;
+        case 7: return MoveModels();
         case 8: return Plain(ELUNAR_APP_RESET_COUNTERS_CC);
         case 9: return WakeTimes(1);
-        case 10: return Wake(SERVICE_SELF_TEST);
-        case 11: Wakeups = 0; return Ask(ELUNAR_APP_SEND_HK_MID);
-        case 12: return HarmModel();
-        case 13: return Wake(SERVICE_IDLE); /* found by scrubbing, */
-        case 14: return Wake(SERVICE_WANTS_MODEL); /* loaded again from the second slot, */
-        case 15: return Wake(SERVICE_SELF_TEST); /* tested again */
-        case 16: return TellOpened("after damage");
+        case 10: return Wake(SERVICE_CHECK); /* the first slot's model is damaged: */
+        case 11: return Wake(SERVICE_DOWN); /* the second slot's */
+        case 12: return Wake(SERVICE_CHECK);
+        case 13: return Wake(SERVICE_SELF_TEST);
+        case 14: Wakeups = 0; return Ask(ELUNAR_APP_SEND_HK_MID);
+        case 15: return HarmModel();
+        case 16: return Wake(SERVICE_IDLE); /* found by scrubbing, */
+        case 17: return Wake(SERVICE_WANTS_MODEL);
+        case 18: return Wake(SERVICE_CHECK); /* the first slot's again, */
+        case 19: return Wake(SERVICE_WANTS_MODEL); /* loaded again from the second slot, */
+        case 20: return Wake(SERVICE_CHECK);
+        case 21: return Wake(SERVICE_SELF_TEST); /* tested again */
+        case 22: return TellOpened("after damage");
         default: Ended = true; return Ask(ELUNAR_APP_SEND_HK_MID);
     }
 }
@@ -274,13 +286,14 @@ static bool Play(unsigned At) {
         case 14: return HarmModel();
         case 15: return Wake(SERVICE_IDLE); /* found by scrubbing, */
         case 16: return Wake(SERVICE_WANTS_MODEL); /* loaded again, */
-        case 17: return Wake(SERVICE_SELF_TEST); /* tested again */
-        case 18: return Plain(ELUNAR_APP_SELF_TEST_CC);
-        case 19: return Wake(SERVICE_SELF_TEST);
-        case 20: return HarmTable();
-        case 21: return Ask(ELUNAR_APP_SEND_HK_MID);
-        case 22: return Plain(ELUNAR_APP_RESET_COUNTERS_CC);
-        case 23: return Ask(ELUNAR_APP_SEND_HK_MID);
+        case 17: return Wake(SERVICE_CHECK);
+        case 18: return Wake(SERVICE_SELF_TEST); /* tested again */
+        case 19: return Plain(ELUNAR_APP_SELF_TEST_CC);
+        case 20: return Wake(SERVICE_SELF_TEST);
+        case 21: return HarmTable();
+        case 22: return Ask(ELUNAR_APP_SEND_HK_MID);
+        case 23: return Plain(ELUNAR_APP_RESET_COUNTERS_CC);
+        case 24: return Ask(ELUNAR_APP_SEND_HK_MID);
         default: Ended = true; return Ask(ELUNAR_APP_WAKEUP_MID);
     }
 }

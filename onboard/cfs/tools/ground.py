@@ -21,7 +21,7 @@ import sys
 import time
 
 CONFIG = os.path.join(os.path.dirname(os.path.realpath(__file__)), "..", "config")
-STATES = "DOWN WANTS_MODEL SELF_TEST IDLE TILE READY FAILED".split()
+STATES = "DOWN WANTS_MODEL SELF_TEST IDLE TILE READY FAILED CHECK".split()
 CODES = {"noop": 0, "reset": 1, "self-test": 2, "tile": 3, "scrub": 4}
 TO_LAB_ENABLE = 6
 PATH_BYTES = 64

@@ -18,6 +18,8 @@ from elf import WRITABLE, Elf
 from stack import bounds
 
 MARGIN_PERCENT = 10
+# A call of fewer instructions has no row of its own on the page.
+SHORT_CALL = 500_000
 # A rounding up of every limit, in units that people plan with.
 STEP = {"flash_bytes": 1024, "ram_bytes": 1024, "stack_bytes": 64, "instructions": 1_000_000}
 WHAT = {
@@ -113,7 +115,7 @@ def table(counts_path):
 
 
 def calls(path):
-    """The longest call of each function, over all tiles: a row for each function, a column for each board."""
+    """The longest call of each function, over all tiles: a row for each function, a column for each board; and what is short everywhere."""
     most, boards = {}, []
     with open(path, encoding="utf-8") as file:
         for line in file.read().splitlines()[1:]:
@@ -122,9 +124,11 @@ def calls(path):
             row = most.setdefault(function, {})
             row[board] = max(row.get(board, 0), int(count))
     rows = ["| function | " + " | ".join(f"`{board}`" for board in boards) + " |", "|---|" + "---|" * len(boards)]
+    short = sorted(function for function, row in most.items() if max(row.values()) < SHORT_CALL)
     for function, row in sorted(most.items()):
-        rows.append(f"| `{function}` | " + " | ".join(f"{row[board] / 1e6:.2f}" if board in row else "" for board in boards) + " |")
-    return rows
+        if function not in short:
+            rows.append(f"| `{function}` | " + " | ".join(f"{row[board] / 1e6:.2f}" if board in row else "" for board in boards) + " |")
+    return rows + ["", f"Below {SHORT_CALL / 1e6:g} on every board:", *(f"`{function}`" for function in short)]
 
 
 def main(arguments):

@@ -12,7 +12,7 @@ static const U32 RETRY_TICKS = 1000;
 
 Terrain ::Terrain(const char* const compName)
     : TerrainComponentBase(compName), m_memory(nullptr), m_memoryBytes(0), m_model(nullptr), m_modelCapacity(0), m_modelBytes(0),
-      m_modelPath(nullptr), m_hasBuffers(false), m_dropsTold(0), m_ticks(0), m_retryWait(0), m_retryNext(0) {
+      m_modelPath(nullptr), m_hasBuffers(false), m_dropsTold(0), m_again(false), m_ticks(0), m_retryWait(0), m_retryNext(0) {
     (void)::memset(&this->m_service, 0, sizeof this->m_service);
 }
 
@@ -34,12 +34,10 @@ bool Terrain ::start() {
     if (eld_version() >> 16 != ELD_VERSION >> 16 || !this->load()) {
         return false;
     }
-    this->tell(service_start(&this->m_service, this->m_memory, this->m_memoryBytes, this->m_model, this->m_modelBytes));
-    if (this->m_service.state == SERVICE_DOWN) {
-        return false;
-    }
-    this->log_ACTIVITY_HI_Started(eld_version(), this->m_service.info.header_crc, this->m_service.info.memory_bytes);
-    return true;
+    this->m_again = false;
+    // The heights of a tile go into a buffer of its size: no tile is too large.
+    this->tell(service_start(&this->m_service, this->m_memory, this->m_memoryBytes, this->m_model, this->m_modelBytes, SIZE_MAX));
+    return this->m_service.state != SERVICE_DOWN;
 }
 
 bool Terrain ::configure(void* memory, size_t memoryBytes, U8* model, U32 modelCapacity, const char* modelPath) {
@@ -78,7 +76,13 @@ void Terrain ::settle(service_state_t before) {
         this->log_WARNING_LO_TileDropped(meaning);
         this->giveBack();
     }
-    if (this->m_service.state == SERVICE_FAILED && before != SERVICE_FAILED) {
+    if (before == SERVICE_CHECK && this->m_service.state == SERVICE_SELF_TEST) {
+        if (this->m_again) {
+            this->log_ACTIVITY_HI_ModelReloaded();
+        } else {
+            this->log_ACTIVITY_HI_Started(eld_version(), this->m_service.info.header_crc, this->m_service.info.memory_bytes);
+        }
+    } else if (this->m_service.state == SERVICE_FAILED && before != SERVICE_FAILED) {
         this->log_WARNING_HI_SelfTestFailed();
     } else if (before == SERVICE_SELF_TEST && (this->m_service.state == SERVICE_IDLE || this->m_service.state == SERVICE_TILE)) {
         this->log_ACTIVITY_HI_SelfTestPassed();
@@ -161,11 +165,8 @@ void Terrain ::tick_handler(FwIndexType, U32) {
             break;
         case SERVICE_WANTS_MODEL:
             if (this->tryNow() && this->load()) {
-                const eld_status_t status = service_model_reloaded(&this->m_service);
-                this->tell(status);
-                if (ELD_WORKED(status)) {
-                    this->log_ACTIVITY_HI_ModelReloaded();
-                }
+                this->m_again = true;
+                this->tell(service_model_reloaded(&this->m_service));
             }
             break;
         case SERVICE_READY:

@@ -1,7 +1,7 @@
 module Elunar {
 
   @ State of the service: service_state_t
-  enum State { DOWN, WANTS_MODEL, SELF_TEST, IDLE, TILE, READY, FAILED }
+  enum State { DOWN, WANTS_MODEL, SELF_TEST, IDLE, TILE, READY, FAILED, CHECK }
 
   @ A tile whose maps lie in two buffers: f32 of this machine, first row first
   port Tile(
@@ -19,7 +19,7 @@ module Elunar {
   @ Heights from images, a step at a time
   active component Terrain {
 
-    @ A tick: one step of a tile, or one portion of scrubbing
+    @ A tick: one piece of the model's validation, one step of a tile, or one portion of scrubbing
     async input port tick: Svc.Sched drop
 
     @ A tile; its buffers come back by imageReturn and coarseReturn when it is ready or dropped
@@ -44,7 +44,7 @@ module Elunar {
     async command SCRUB(bytes: U32 @< 1 to 65536
     )
 
-    @ Loads the model again, and begins anew
+    @ Loads the model again, and begins anew. Ticks validate it
     async command RELOAD_MODEL
 
     @ Work of a tick, multiply-accumulates

@@ -13,7 +13,7 @@ class Terrain : public TerrainComponentBase {
     explicit Terrain(const char* const compName);
     ~Terrain();
 
-    //! Lends static memory; before the threads start. False: no model, or not this library.
+    //! Lends static memory; before the threads start. Ticks validate the model. False: no model, or not this library.
     bool configure(void* memory, size_t memoryBytes, U8* model, U32 modelCapacity, const char* modelPath);
 
     friend class TerrainTester;
@@ -46,6 +46,7 @@ class Terrain : public TerrainComponentBase {
     Fw::Buffer m_image, m_coarse;
     bool m_hasBuffers;
     U32 m_dropsTold;
+    bool m_again;
     U32 m_ticks;
     U32 m_retryWait;
     U32 m_retryNext;

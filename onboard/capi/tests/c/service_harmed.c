@@ -49,7 +49,13 @@ static unsigned cycles_to(service_state_t state) {
 }
 
 static void boot(void) {
-    if (!ELD_WORKED(service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes))) fail("start", eld_status_text(service.status));
+    unsigned checks = 0;
+    expect("start", service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes, SIZE_MAX), ELD_RUNNING);
+    expect("no context", service_scrub(&service, 1), ELD_REFUSED_NOT_DONE);
+    for (; service.state == SERVICE_CHECK; checks++) service_cycle(&service, 5000000, 0);
+    /* Validation takes many cycles, none of them long. */
+    if (checks < 10) fail("start", "expected more pieces of the model's validation");
+    expect("start", service.state, SERVICE_SELF_TEST);
     if (!cycles_to(service.has_tile ? SERVICE_READY : SERVICE_IDLE)) fail("start", eld_status_text(service.status));
 }
 
@@ -61,12 +67,12 @@ static void take(void) {
 }
 
 static void distrust(const eld_tile_t *tile) {
-    expect("start", service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes), ELD_OK);
+    expect("start", service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes, SIZE_MAX), ELD_RUNNING);
     if (!cycles_to(SERVICE_WANTS_MODEL)) fail("self test", eld_status_text(service.status));
     expect("status", service.status, ELD_FAULT_SELF_TEST);
     expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
     /* Loaded again, and the self test fails again. */
-    expect("reloaded", service_model_reloaded(&service), ELD_OK);
+    expect("reloaded", service_model_reloaded(&service), ELD_RUNNING);
     if (!cycles_to(SERVICE_FAILED)) fail("self test again", eld_status_text(service.status));
     expect("no tile", service_give(&service, tile), ELD_REFUSED_NOT_DONE);
     expect("failed", service_cycle(&service, 1, 1), ELD_FAULT_SELF_TEST);
@@ -92,6 +98,12 @@ int main(int argc, char **argv) {
     }
     out = fopen(argv[3], "wb");
     if (out == NULL) fail(argv[3], "cannot be written");
+    boot();
+
+    /* A service whose caller has no room for the tile goes down. */
+    expect("start", service_start(&service, memory, (size_t)info.memory_bytes, model, model_bytes, (size_t)info.tile_rows * info.tile_cols - 1), ELD_RUNNING);
+    if (!cycles_to(SERVICE_DOWN)) fail("no room", eld_status_text(service.status));
+    expect("no room", service.status, ELD_REFUSED_BUFFER);
     boot();
 
     /* Both copies of the context are damaged: the service goes down and starts again, and the tile begins again. */
@@ -151,10 +163,11 @@ int main(int argc, char **argv) {
     /* A damaged model, found by scrubbing, is not accepted as long as it is damaged. */
     model[4000000] ^= 16;
     if (!cycles_to(SERVICE_WANTS_MODEL)) fail("scrub", eld_status_text(service.status));
-    expect("still damaged", ELD_SEVERITY(service_model_reloaded(&service)), ELD_REFUSED);
-    expect("waits", service.state, SERVICE_WANTS_MODEL);
+    expect("still damaged", service_model_reloaded(&service), ELD_RUNNING);
+    if (!cycles_to(SERVICE_WANTS_MODEL)) fail("still damaged", eld_status_text(service.status));
+    expect("still damaged", ELD_SEVERITY(service.status), ELD_REFUSED);
     model[4000000] ^= 16;
-    expect("reloaded", service_model_reloaded(&service), ELD_OK);
+    expect("reloaded", service_model_reloaded(&service), ELD_RUNNING);
     if (!cycles_to(SERVICE_IDLE)) fail("self test", eld_status_text(service.status));
     if (fclose(out) != 0) fail("OUT", "cannot be written");
     puts("served");

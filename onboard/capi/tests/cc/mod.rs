@@ -82,6 +82,8 @@ pub(crate) fn build(sources: &[PathBuf], language: &str, folder: &Path) -> PathB
     let program = folder.join(format!("{}-{language}", sources[0].file_stem().unwrap().display()));
     run(compiler(language)
         .arg("-O1")
+        .arg("-I")
+        .arg(Path::new(env!("CARGO_MANIFEST_DIR")).join("examples"))
         .args(sources)
         .args(["-x", "none"])
         .arg(archive)

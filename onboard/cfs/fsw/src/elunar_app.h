@@ -30,7 +30,9 @@ typedef struct {
     service_state_t    StateTold;
     uint32             DropsTold;
     uint8              ModelSlot; /* where the model came from; 0: no model yet */
-    uint32             RetryWait; /* wakeups until a model is tried again */
+    uint8              SlotTried; /* whose model is being validated; 0: none */
+    bool               Again;     /* it replaces a model that has changed in memory */
+    uint32           RetryWait; /* wakeups until a model is tried again */
     uint32             RetryNext; /* how many they were when it was tried last; 0: it was not */
     char               OutputFile[ELUNAR_APP_PATH_LEN];
 } ELUNAR_APP_Data_t;
@@ -47,8 +49,10 @@ void ELUNAR_APP_Dispatch(const CFE_SB_Buffer_t *Buffer);
 
 /* elunar_app_model.c: starts the service with the model of the first slot that has one; returns NULL, or why the first slot has none. */
 const char *ELUNAR_APP_StartService(void);
-/* A wakeup in SERVICE_DOWN or SERVICE_WANTS_MODEL. */
+/* A wakeup in SERVICE_DOWN or SERVICE_WANTS_MODEL: reads a slot, if it is time to. The next wakeups validate it. */
 void ELUNAR_APP_WorkWithoutModel(void);
+/* To be called when a model that a wakeup read is validated. */
+void ELUNAR_APP_ModelIsThere(void);
 /* A model that cannot be had is tried at the next wakeup, and then seldom. */
 void ELUNAR_APP_TryModelSoon(void);
 

@@ -1,8 +1,6 @@
 /* ELUNAR_APP: the model: its slots, and how often they are tried. */
 #include "elunar_app.h"
 
-#include <string.h>
-
 /* Static memory: addresses and sizes are fixed when the application is loaded. */
 static uint64_t Memory[(ELUNAR_APP_MEMORY_BYTES + 7u) / 8u];
 static uint8    Model[ELUNAR_APP_MODEL_BYTES];
@@ -11,34 +9,36 @@ static uint8    Model[ELUNAR_APP_MODEL_BYTES];
 static const char *const Slots[] = {ELUNAR_APP_MODEL_FILE, ELUNAR_APP_MODEL_FILE_2};
 #define SLOTS (sizeof Slots / sizeof Slots[0])
 
-/* Starts the service with the model in Model; returns NULL, or why not. */
-static const char *Start(size_t Bytes) {
-    service_t *Service = &ELUNAR_APP_Data.Service;
-    (void)ELUNAR_APP_Tell(service_start(Service, Memory, sizeof Memory, Model, Bytes));
-    if (Service->state == SERVICE_DOWN) {
-        return eld_status_text(Service->status);
+/* Reads a slot and begins to validate it; returns NULL, or why not. */
+static const char *Begin(uint8 Slot) {
+    service_t   *Service = &ELUNAR_APP_Data.Service;
+    const bool   Again   = Service->state == SERVICE_WANTS_MODEL;
+    size_t       Bytes;
+    const char  *WhyNot  = ELUNAR_APP_ReadFile(Slots[Slot - 1u], Model, sizeof Model, &Bytes);
+    eld_status_t Status;
+    if (WhyNot != NULL) {
+        return WhyNot;
     }
-    if ((size_t)Service->info.tile_rows * Service->info.tile_cols > ELUNAR_APP_TILE_PX) {
-        CFE_EVS_SendEvent(ELUNAR_APP_FILE_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: expected tiles of at most %lu pixels, found %lu x %lu",
-                          (unsigned long)ELUNAR_APP_TILE_PX, (unsigned long)Service->info.tile_rows, (unsigned long)Service->info.tile_cols);
-        (void)memset(Service, 0, sizeof *Service);
-        return "its tiles are too large";
-    }
-    return NULL;
+    Status = Again ? service_model_reloaded(Service)
+                   : service_start(Service, Memory, sizeof Memory, Model, Bytes, ELUNAR_APP_TILE_PX);
+    return ELUNAR_APP_Tell(Status) ? NULL : eld_status_text(Status);
 }
 
 const char *ELUNAR_APP_StartService(void) {
-    const char *Why = NULL;
+    service_t  *Service = &ELUNAR_APP_Data.Service;
+    const char *Why     = NULL;
     uint8       Slot;
     for (Slot = 1; Slot <= SLOTS; Slot++) {
-        size_t      Bytes;
-        const char *WhyNot = ELUNAR_APP_ReadFile(Slots[Slot - 1u], Model, sizeof Model, &Bytes);
-        if (WhyNot == NULL) {
-            WhyNot = Start(Bytes);
+        const char *WhyNot = Begin(Slot);
+        while (WhyNot == NULL && Service->state == SERVICE_CHECK) {
+            (void)ELUNAR_APP_Tell(service_cycle(Service, ELUNAR_APP_Data.Limits.StepBudgetMacs, 0u));
+        }
+        if (WhyNot == NULL && Service->state == SERVICE_DOWN) {
+            WhyNot = eld_status_text(Service->status);
         }
         if (WhyNot == NULL) {
             ELUNAR_APP_Data.ModelSlot = Slot;
-            ELUNAR_APP_Data.StateTold = ELUNAR_APP_Data.Service.state;
+            ELUNAR_APP_Data.StateTold = Service->state;
             return NULL;
         }
         /* The first slot's reason: the second is its spare. */
@@ -47,23 +47,8 @@ const char *ELUNAR_APP_StartService(void) {
     return Why;
 }
 
-/* Loads the model again, at the same address. */
-static void Reload(void) {
-    uint8 Slot;
-    for (Slot = 1; Slot <= SLOTS; Slot++) {
-        size_t Bytes;
-        if (ELUNAR_APP_ReadFile(Slots[Slot - 1u], Model, sizeof Model, &Bytes) == NULL &&
-            ELUNAR_APP_Tell(service_model_reloaded(&ELUNAR_APP_Data.Service))) {
-            ELUNAR_APP_Data.ModelSlot = Slot;
-            CFE_EVS_SendEvent(ELUNAR_APP_MODEL_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: model loaded again from slot %u",
-                              (unsigned int)Slot);
-            return;
-        }
-    }
-}
-
-/* Whether a model is to be tried at this wakeup: at the first one, then ever more seldom. Reading and validating megabytes at every wakeup would
- * take the processor from other applications as long as no model can be had. */
+/* Whether a model is to be tried at this wakeup: at the first one, then ever more seldom. Reading megabytes again and again would take the
+ * processor from other applications as long as no model can be had. */
 static bool TryNow(void) {
     if (ELUNAR_APP_Data.RetryWait > 0u) {
         ELUNAR_APP_Data.RetryWait--;
@@ -83,15 +68,30 @@ void ELUNAR_APP_TryModelSoon(void) {
 }
 
 void ELUNAR_APP_WorkWithoutModel(void) {
-    if (!TryNow()) {
+    const bool Again = ELUNAR_APP_Data.Service.state == SERVICE_WANTS_MODEL;
+    /* A model that turned out to be damaged is followed by the next slot at once. */
+    if (ELUNAR_APP_Data.SlotTried == 0u && !TryNow()) {
         return;
     }
-    if (ELUNAR_APP_Data.Service.state == SERVICE_WANTS_MODEL) {
-        Reload();
-    } else if (ELUNAR_APP_StartService() == NULL) {
+    while (ELUNAR_APP_Data.SlotTried < SLOTS) {
+        ELUNAR_APP_Data.SlotTried++;
+        if (Begin(ELUNAR_APP_Data.SlotTried) == NULL) {
+            ELUNAR_APP_Data.Again = Again;
+            return;
+        }
+    }
+    /* Why there is no model was told where it failed; it is tried again. */
+    ELUNAR_APP_Data.SlotTried = 0u;
+}
+
+void ELUNAR_APP_ModelIsThere(void) {
+    ELUNAR_APP_Data.ModelSlot = ELUNAR_APP_Data.SlotTried;
+    ELUNAR_APP_Data.SlotTried = 0u;
+    if (ELUNAR_APP_Data.Again) {
+        CFE_EVS_SendEvent(ELUNAR_APP_MODEL_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: model loaded again from slot %u",
+                          (unsigned int)ELUNAR_APP_Data.ModelSlot);
+    } else {
         CFE_EVS_SendEvent(ELUNAR_APP_MODEL_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: model 0x%08lX loaded from slot %u",
                           (unsigned long)ELUNAR_APP_Data.Service.info.header_crc, (unsigned int)ELUNAR_APP_Data.ModelSlot);
-    } else {
-        /* Why there is no model was told where it failed; it is tried again. */
     }
 }

@@ -30,7 +30,9 @@ static void TellState(void) {
     if (Service->state == ELUNAR_APP_Data.StateTold) {
         return;
     }
-    if (Service->state == SERVICE_FAILED) {
+    if (ELUNAR_APP_Data.StateTold == SERVICE_CHECK && Service->state == SERVICE_SELF_TEST) {
+        ELUNAR_APP_ModelIsThere();
+    } else if (Service->state == SERVICE_FAILED) {
         CFE_EVS_SendEvent(ELUNAR_APP_FAILED_ERR_EID, CFE_EVS_EventType_ERROR, "ELUNAR: self test fails, heights are not to be used");
     } else if (ELUNAR_APP_Data.StateTold == SERVICE_SELF_TEST && (Service->state == SERVICE_IDLE || Service->state == SERVICE_TILE)) {
         CFE_EVS_SendEvent(ELUNAR_APP_IDLE_INF_EID, CFE_EVS_EventType_INFORMATION, "ELUNAR: self test passed");
@@ -118,7 +120,7 @@ void ELUNAR_APP_Wakeup(void) {
             /* Told once, by TellState. */
             break;
         default:
-            /* One step, or one portion of scrubbing. */
+            /* A piece of the model's validation, one step, or one portion of scrubbing. */
             (void)ELUNAR_APP_Tell(service_cycle(Service, ELUNAR_APP_Data.Limits.StepBudgetMacs, ELUNAR_APP_Data.Limits.ScrubBytes));
             break;
     }

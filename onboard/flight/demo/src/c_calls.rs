@@ -5,14 +5,18 @@ use crate::mark::{elunar_count_start, elunar_count_stop};
 use core::fmt::Write;
 use elunar_capi::elunar_core::nn::file::Crc32c;
 use elunar_capi::ffi;
-use elunar_capi::status::{ELD_OK, ELD_RUNNING, FAULT, severity};
+use elunar_capi::status::{ELD_OK, ELD_RUNNING, FAULT, NOTICE, severity};
 use elunar_capi::types::{
-    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_check_t, eld_context_t, eld_errors_t, eld_model_info_t, eld_pixels_t,
-    eld_posts_t, eld_status_t, eld_tile_t,
+    ELD_PIXELS_HAS_NULL, ELD_PIXELS_U16_LE, eld_check_t, eld_context_t, eld_errors_t, eld_lighting_t, eld_model_info_t,
+    eld_pixels_t, eld_posts_t, eld_status_t, eld_telemetry_t, eld_tile_t,
 };
 
 /// Multiply-accumulates per call, as in the budgets.
 pub(crate) const BUDGET_MACS: u64 = 5_000_000;
+/// Bytes of the model that are checked in a call, as in the guides.
+const SCRUB_BYTES: usize = 16_384;
+/// Bytes whose checksum stands for a program's.
+const CODE_BYTES: usize = 65_536;
 /// The code of a pixel without a value.
 const NULL_CODE: u16 = 0xffff;
 
@@ -79,8 +83,9 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
     let whole = |kind: Kind| kind.is_told() || pixels < 10_000;
     let all = kinds.map(|kind| tile(context, kind, info.tile_cols as usize, whole(kind), &mut own, console));
     let small = pixels < 10_000;
-    let mut passed = self_test(context, small, console) && all.iter().all(|passed| *passed);
-    passed &= crate::c_slots::run(model, small.then_some(context), rest, console);
+    let mut passed = self_test(context, console) && all.iter().all(|passed| *passed);
+    passed &= crate::c_slots::run(model, context, rest, console);
+    passed &= housekeeping(context, model, console);
     passed &= crate::c_lines::terrain(rest, console);
     // The context is not needed any more.
     // SAFETY: any bits are numbers; what is not aligned is left out.
@@ -89,22 +94,43 @@ pub(crate) fn run(model: &[u8], memory: &mut [u8], console: &mut impl Write) -> 
     passed & crate::c_lines::strip(known, memory, (false, if small { usize::MAX } else { 400 }), console)
 }
 
-/// Begins the self test and loads its tile; runs and checks it if it is `whole`.
-fn self_test(context: *mut eld_context_t, whole: bool, console: &mut impl Write) -> bool {
+/// Runs and checks the self test.
+fn self_test(context: *mut eld_context_t, console: &mut impl Write) -> bool {
     let _ = writeln!(console, "tile SelfTest");
     // SAFETY: a context of our own, here and below.
     let mut status = counted("eld_self_test_begin", console, || unsafe { ffi::eld_self_test_begin(context) });
-    for _ in 0..10 {
-        // SAFETY: as above.
-        status = status.max(counted("eld_step", console, || unsafe { ffi::eld_step(context, BUDGET_MACS) }));
-    }
-    if whole {
-        // SAFETY: as above.
-        status = repeated("eld_step", console, &mut || unsafe { ffi::eld_step(context, BUDGET_MACS) });
-        // SAFETY: as above.
-        status = status.max(counted("eld_self_test_check", console, || unsafe { ffi::eld_self_test_check(context) }));
-    }
+    // SAFETY: as above.
+    status = status.max(repeated("eld_step", console, &mut || unsafe { ffi::eld_step(context, BUDGET_MACS) }));
+    // SAFETY: as above.
+    status = status.max(counted("eld_self_test_check", console, || unsafe { ffi::eld_self_test_check(context) }));
     severity(status) < FAULT
+}
+
+/// Calls what flight software calls now and then.
+fn housekeeping(context: *mut eld_context_t, model: &[u8], console: &mut impl Write) -> bool {
+    let _ = writeln!(console, "tile -");
+    let mut told = eld_telemetry_t { struct_bytes: size_of::<eld_telemetry_t>() as u32, ..Default::default() };
+    let mut light = eld_lighting_t { struct_bytes: size_of::<eld_lighting_t>() as u32, ..Default::default() };
+    let (bytes, nan) = (model.get(..CODE_BYTES).unwrap_or(model), f32::NAN);
+    // SAFETY: a context, structures and bytes of our own, here and below.
+    let mut worst = counted("eld_scrub", console, || unsafe { ffi::eld_scrub(context, SCRUB_BYTES) });
+    // SAFETY: as above.
+    worst = worst.max(counted("eld_telemetry", console, || unsafe { ffi::eld_telemetry(context, &raw mut told) }));
+    // SAFETY: as above.
+    worst = worst.max(counted("eld_light_decide", console, || unsafe {
+        ffi::eld_light_decide(context, nan, nan, &raw mut light)
+    }));
+    // SAFETY: as above.
+    worst = worst.max(counted("eld_light_clear", console, || unsafe { ffi::eld_light_clear(context) }));
+    // SAFETY: as above.
+    worst = worst.max(counted("eld_abort", console, || unsafe { ffi::eld_abort(context) }));
+    // As long as a page of code.
+    let mut sum = 0;
+    // SAFETY: as above.
+    worst = worst.max(counted("eld_code_sum", console, || unsafe {
+        ffi::eld_code_sum(bytes.as_ptr().cast(), bytes.len(), &raw mut sum)
+    }));
+    severity(worst) <= NOTICE
 }
 
 /// Calls a function between the marks and prints its name.
@@ -226,7 +252,7 @@ fn tile(
     let mut errors = eld_errors_t { struct_bytes: size_of::<eld_errors_t>() as u32, ..Default::default() };
     if whole {
         // SAFETY: as above.
-        let _ = unsafe { ffi::eld_errors(context, &raw mut errors) };
+        let _ = repeat("eld_errors", &mut || unsafe { ffi::eld_errors(context, &raw mut errors) });
     }
     let mut sum = checksum(own, &errors);
     if whole && severity(begun) < 2 {

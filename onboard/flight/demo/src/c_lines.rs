@@ -140,6 +140,9 @@ pub(crate) fn strip(
             }
             ELD_NOTICE_STRIP_PUSH => {
                 // SAFETY: as above.
+                worst =
+                    worst.max(counted("eld_strip_finish_posts", console, || unsafe { eld_strip_finish_posts(strip) }));
+                // SAFETY: as above.
                 worst = worst.max(counted("eld_strip_finish", console, || unsafe { eld_strip_finish(strip) }));
             }
             _ => {

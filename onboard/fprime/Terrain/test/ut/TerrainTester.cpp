@@ -49,6 +49,9 @@ U32 TerrainTester ::tickUntil(service_state_t state) {
     return n;
 }
 void TerrainTester ::selfTestThenTile() {
+    // The model is validated in pieces, one a tick.
+    ASSERT_EVENTS_Started_SIZE(0);
+    ASSERT_GE(this->tickUntil(SERVICE_SELF_TEST), 2u);
     ASSERT_EVENTS_Started_SIZE(1);
     (void)this->tickUntil(SERVICE_IDLE);
     ASSERT_EVENTS_SelfTestPassed_SIZE(1);
@@ -102,6 +105,7 @@ void TerrainTester ::upset() {
     ASSERT_EQ(this->component.m_service.state, SERVICE_WANTS_MODEL);
     ASSERT_EQ(this->component.m_retryNext, 64u);
     this->component.m_modelPath = path;
+    (void)this->tickUntil(SERVICE_CHECK);
     (void)this->tickUntil(SERVICE_SELF_TEST);
     ASSERT_EVENTS_ModelReloaded_SIZE(1);
     (void)this->tickUntil(SERVICE_IDLE);
