@@ -57,3 +57,6 @@ impl Softmax<'_> {
         sum
     }
 }
+
+#[cfg(test)]
+mod tests;
