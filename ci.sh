@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # The steps: each is a function below.
-everything=(format lint supply book test python page no_std boards checked asan miri backends vulkan cluster)
+everything=(format lint supply book test python page no_std boards branches checked asan miri backends vulkan cluster)
 on_request=(architecture order fuzz no_panic coverage) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -166,6 +166,11 @@ order() {
 checked() {
     local core="profile.dev.package.elunar-core"
     cargo test --locked --package elunar-core --config "$core.overflow-checks=true" --config "$core.debug-assertions=true" --config "$core.opt-level=2"
+}
+
+# No branch of the network's steps follows the data: Valgrind reports each that does. Two minutes of one processor.
+branches() {
+    tests/branches/run.sh
 }
 
 # What the tests of core, C interface and rasters reach of their own source: lines and branches, which may not fall. 16 minutes of one processor.

@@ -2,7 +2,7 @@
 # Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.csv what they found so far.
 #
 #   tests/campaigns/run.sh                  all of them
-#   tests/campaigns/run.sh slots kills      these: programs slots strip kills races endless foreign manifests miri inject fuzz
+#   tests/campaigns/run.sh slots kills      these: programs slots strip kills races endless foreign manifests miri roundings inject fuzz
 #   ELUNAR_CAMPAIGNS=DIR                    where progress, logs and findings are (default: tests/campaigns/out)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -38,6 +38,9 @@ miri() {
         cargo +nightly miri test --locked --package elunar-provoke --target-dir "${CARGO_TARGET_DIR:-target}/miri" --test small_programs -- --nocapture
 }
 
+# Its lines are those of roundings.csv; ELUNAR_SUMS_STEP=1000 tries every thousandth sum.
+roundings() { cargo test --locked --package elunar-core --lib -- --ignored --nocapture --test-threads 1 every_sum every_root; }
+
 # Flips bits in the memory of strips: of a tiny model, and of the shipped one.
 strip() {
     ELUNAR_FLIPS="${ELUNAR_FLIPS:-20000}" ignored --package elunar-core --lib many_flips
@@ -51,10 +54,10 @@ inject() {
 
 fuzz() { FUZZ_FOLDER="$folder/fuzz" tests/fuzz/campaign.sh; }
 
-[ $# -gt 0 ] || set -- programs slots strip kills races endless foreign manifests miri inject fuzz
+[ $# -gt 0 ] || set -- programs slots strip kills races endless foreign manifests miri roundings inject fuzz
 for campaign in "$@"; do
     case "$campaign" in
-    programs | slots | strip | kills | races | endless | foreign | manifests | miri | inject | fuzz)
+    programs | slots | strip | kills | races | endless | foreign | manifests | miri | roundings | inject | fuzz)
         printf '\n== %s, %s, commit %s, %s\n' "$campaign" "$(date -u +%F)" "$(git rev-parse --short HEAD)" \
             "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -1)"
         SECONDS=0
@@ -62,7 +65,7 @@ for campaign in "$@"; do
         echo "$campaign: $SECONDS s"
         ;;
     *)
-        echo "ERROR: expected a campaign (programs slots strip kills races endless foreign manifests miri inject fuzz), found '$campaign'" >&2
+        echo "ERROR: expected a campaign (programs slots strip kills races endless foreign manifests miri roundings inject fuzz), found '$campaign'" >&2
         exit 1
         ;;
     esac

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 /// The packages of this repository, each with the others that it may depend on, in any way (normal, build or test).
-const EDGES: [(&str, &[&str]); 20] = [
+const EDGES: [(&str, &[&str]); 21] = [
     ("elunar-core", &[]),
     ("elunar-testing", &[]),
     ("elunar-base", &[]),
@@ -79,6 +79,7 @@ const EDGES: [(&str, &[&str]); 20] = [
     ("elunar-web", &["elunar-core", "elunar-base", "elunar-raster", "elunar-synth", "elunar-scene", "elunar"]),
     ("elunar-capi", &["elunar-core"]),
     ("elunar-provoke", &["elunar-core", "elunar-capi"]),
+    ("elunar-branches", &["elunar-core", "elunar-capi", "elunar-provoke"]),
     ("elunar-inject", &["elunar-core", "elunar-testing", "elunar-base", "elunar-raster", "elunar-picture"]),
     (
         "elunar-tests",

@@ -3,6 +3,12 @@
 
 use super::Kernel;
 use crate::nn::arena::Arena;
+#[cfg(test)]
+use crate::nn::kernels::{
+    Accumulators,
+    requantise::{Requantise, Target},
+    softmax::Softmax,
+};
 use crate::nn::kernels::{Isa, x86_avx2::Avx2, x86_avx512::Avx512};
 use crate::nn::ops::{self, Constants, Prepared};
 use crate::nn::sum;
@@ -39,7 +45,34 @@ macro_rules! instantiate {
             // SAFETY: as above.
             unsafe { compiled(bytes) }
         }
-        Kernel { name: <$isa as Isa>::NAME, unit, sum, gemm: <$isa as Isa>::gemm }
+        #[cfg(test)]
+        fn requantise(numbers: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+            #[target_feature(enable = $features)]
+            fn compiled(numbers: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+                <$isa as Isa>::requantise(numbers, bytes, acc, target)
+            }
+            // SAFETY: as above.
+            unsafe { compiled(numbers, bytes, acc, target) }
+        }
+        #[cfg(test)]
+        fn softmax(numbers: &Softmax<'_>, low: &mut [u8], high: &mut [u8]) -> i64 {
+            #[target_feature(enable = $features)]
+            fn compiled(numbers: &Softmax<'_>, low: &mut [u8], high: &mut [u8]) -> i64 {
+                <$isa as Isa>::softmax(numbers, low, high)
+            }
+            // SAFETY: as above.
+            unsafe { compiled(numbers, low, high) }
+        }
+        Kernel {
+            name: <$isa as Isa>::NAME,
+            unit,
+            sum,
+            gemm: <$isa as Isa>::gemm,
+            #[cfg(test)]
+            requantise,
+            #[cfg(test)]
+            softmax,
+        }
     }};
 }
 

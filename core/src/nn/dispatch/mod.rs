@@ -5,7 +5,11 @@ mod instantiate;
 mod select;
 
 use super::arena::Arena;
+#[cfg(test)]
+use super::kernels::requantise::{Requantise, Target};
 use super::kernels::scalar::Scalar;
+#[cfg(test)]
+use super::kernels::softmax::Softmax;
 use super::kernels::{Accumulators, Isa, Patch};
 use super::ops::{self, Constants, Prepared};
 use super::sum::sum;
@@ -19,6 +23,10 @@ pub struct Kernel {
     /// Computes the quick checksum of bytes ([`sum`]).
     pub(crate) sum: fn(&[u8]) -> u32,
     pub(crate) gemm: fn(&mut Accumulators, usize, &Patch<'_>, &[u8], usize),
+    #[cfg(test)]
+    pub(crate) requantise: fn(&Requantise<'_>, &mut [u8], &Accumulators, &Target) -> u64,
+    #[cfg(test)]
+    pub(crate) softmax: fn(&Softmax<'_>, &mut [u8], &mut [u8]) -> i64,
 }
 
 impl Kernel {
@@ -27,7 +35,16 @@ impl Kernel {
 
     /// Compiles the operators with the features that every processor of the target has.
     const fn of<I: Isa>() -> Self {
-        Self { name: I::NAME, unit: ops::run::<I>, sum, gemm: I::gemm }
+        Self {
+            name: I::NAME,
+            unit: ops::run::<I>,
+            sum,
+            gemm: I::gemm,
+            #[cfg(test)]
+            requantise: I::requantise,
+            #[cfg(test)]
+            softmax: I::softmax,
+        }
     }
 
     /// Returns the kernels that this processor runs, fastest first; the last is always [`Kernel::SCALAR`].

@@ -5,7 +5,7 @@ use crate::nn::arena::{Arena, Row, high, join};
 use crate::nn::panels::PANEL;
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::{copy, head, head_mut, item, put};
-use crate::quant::limit::{limit, limit_wide};
+use crate::quant::limit::{Alone, limit, limit_wide};
 use crate::quant::lut::CODE_TABLE_LEN;
 
 /// Constants for the accumulators of one panel.
@@ -214,7 +214,7 @@ impl Requantise<'_> {
         pixels: usize,
     ) -> u64 {
         let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
-        let low_shift = self.shift & 31;
+        let (low_shift, alone) = (self.shift & 31, Alone::new());
         let (zero, lo, hi) = (narrow(self.zero), narrow(self.lo), narrow(self.hi));
         let (floor, ceiling) = (narrow(self.floor), narrow(self.ceiling));
         let mut cuts = [0i32; W];
@@ -225,14 +225,16 @@ impl Requantise<'_> {
                     // An i16 shifted by up to 15 bits fits into an i32.
                     v += (added[c] << (self.add_shift & 31)) as i64 * self.add_multiplier[c] as i64;
                 }
-                let v = if HIGH {
+                let (v, code) = if HIGH {
                     // Sums stay below 2^62, their upper halves below 2^30.
-                    ((v >> 32) as i32 >> low_shift) + zero
+                    let v = ((v >> 32) as i32 >> low_shift) + zero;
+                    (v, limit(v, lo, hi))
                 } else {
-                    narrow((v >> low_shift) + self.zero)
+                    let v = alone.limit((v >> low_shift) + self.zero, i32::MIN as i64, i32::MAX as i64);
+                    (v as i32, alone.limit(v, lo as i64, hi as i64) as i32)
                 };
                 cuts[c] += (v > ceiling) as i32 + (v < floor) as i32;
-                codes[c] = limit(v, lo, hi);
+                codes[c] = code;
             }
         }
         let mut cut = 0;

@@ -1,7 +1,7 @@
 //! Softmax of one query's logits in integers, without the normalisation.
 
 use crate::part::{head, head_mut};
-use crate::quant::limit::{larger, limit_wide};
+use crate::quant::limit::{Alone, larger};
 use crate::quant::lut::{EXP_COARSE, EXP_FINE, exp_lookup};
 
 /// Limit of absolute logits; far beyond every table.
@@ -31,7 +31,7 @@ impl Softmax<'_> {
     /// The portable version of [`super::Isa::softmax`].
     #[inline(always)]
     pub(crate) fn portable(&self, low: &mut [u8], high: &mut [u8]) -> i64 {
-        let half = 1i64 << (self.shift.max(1) - 1);
+        let (half, alone) = (1i64 << (self.shift.max(1) - 1), Alone::new());
         let mut logits = [0i32; MAX_TOKENS];
         // Below every logit, also below a cut logit with the smallest bias.
         let mut largest = -2 * LOGIT_LIMIT as i32;
@@ -40,7 +40,7 @@ impl Softmax<'_> {
         for ((bias, logits), products) in rows.zip(self.products.chunks(width)) {
             for ((logit, product), bias) in logits.iter_mut().zip(products).zip(bias) {
                 let product = (*product as i64 * self.multiplier as i64 + half) >> self.shift;
-                let product = limit_wide(product, -LOGIT_LIMIT, LOGIT_LIMIT) as i32;
+                let product = alone.limit(product, -LOGIT_LIMIT, LOGIT_LIMIT) as i32;
                 *logit = product + i16::from_le_bytes(*bias) as i32;
                 largest = larger(largest, *logit);
             }
@@ -57,3 +57,6 @@ impl Softmax<'_> {
         sum
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -62,3 +62,6 @@ pub(super) fn requantise<'a>(
         relu: conv.relu,
     }
 }
+
+#[cfg(test)]
+mod tests;
