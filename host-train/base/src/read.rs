@@ -34,26 +34,45 @@ pub fn text_file(path: &Path) -> Result<File> {
     open(path, |found| found.is_file() || is_pipe(found))
 }
 
+/// Returns whether a path is the address of a file on the net that can be read by parts: `http://` or `https://`.
+#[must_use]
+pub fn is_address(path: &Path) -> bool {
+    scheme(path).is_some_and(|(scheme, _)| ["http", "https"].iter().any(|known| scheme.eq_ignore_ascii_case(known)))
+}
+
+/// Splits an address into scheme and rest.
+fn scheme(path: &Path) -> Option<(&str, &str)> {
+    path.to_str().and_then(|text| text.split_once("://"))
+}
+
+/// Returns the line that fetches a file on the net.
+#[must_use]
+pub fn fetch_line(path: &Path) -> String {
+    format!("this fetches it: curl -L -o {} {}", name_at(path), path.display())
+}
+
+/// Returns the name of a file on the net.
+fn name_at(path: &Path) -> &str {
+    let address = scheme(path).map_or("", |(_, address)| address);
+    let name = address.split(['?', '#']).next().and_then(|path| path.rsplit_once('/')).map_or("", |(_, name)| name);
+    if name.is_empty() { "OUT.tif" } else { name }
+}
+
 /// Refuses the address of a file on the net, with the line that fetches it.
 ///
 /// # Errors
 /// [`Error::Input`] if it is one.
 pub fn refuse_address(path: &Path) -> Result<()> {
-    let known = |scheme: &str| ["http", "https", "ftp"].iter().any(|known| scheme.eq_ignore_ascii_case(known));
-    let Some((_, address)) = path.to_str().and_then(|text| text.split_once("://")).filter(|(scheme, _)| known(scheme))
-    else {
+    if !is_address(path) && !scheme(path).is_some_and(|(scheme, _)| scheme.eq_ignore_ascii_case("ftp")) {
         return Ok(());
-    };
-    let whole = path.display();
-    let name = address.split(['?', '#']).next().and_then(|path| path.rsplit_once('/')).map_or("", |(_, name)| name);
-    let name = if name.is_empty() { "OUT.tif" } else { name };
+    }
+    let (whole, name) = (path.display(), name_at(path));
     let end = name.rsplit_once('.').map_or("", |(_, end)| end);
-    let line = if OTHER_ENDS.iter().any(|other| end.eq_ignore_ascii_case(other)) {
-        format!("curl -L -o {name} {whole}")
-    } else {
-        format!("gdal_translate /vsicurl/{whole} {name}")
+    let line = match OTHER_ENDS.iter().any(|other| end.eq_ignore_ascii_case(other)) {
+        true => fetch_line(path),
+        false => format!("this fetches it: gdal_translate /vsicurl/{whole} {name}"),
     };
-    Err(Error::input(format!("{whole}: a file on this machine expected, found an address; this fetches it: {line}")))
+    Err(Error::input(format!("{whole}: a file on this machine expected, found an address; {line}")))
 }
 
 fn open(path: &Path, is_right: impl FnOnce(FileType) -> bool) -> Result<File> {

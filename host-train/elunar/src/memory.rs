@@ -1,10 +1,15 @@
 //! The programs' allocator: the system's. If the system refuses memory, the program ends with one line, without an abort.
 
-use crate::program::{JSON, LOOKED, NO_MEMORY, fail_once, kind_of, with_said};
+#[cfg(unix)]
+use crate::program::{JSON, LOOKED, kind_of, with_said};
+use crate::program::{NO_MEMORY, fail_once};
 use elunar_base::memory::is_fallible;
 use std::alloc::{GlobalAlloc, Layout, System};
+#[cfg(unix)]
 use std::fmt::{Arguments, Write as _};
+#[cfg(unix)]
 use std::io::{Cursor, Write};
+#[cfg(unix)]
 use std::sync::atomic::Ordering;
 use std::time::Duration;
 
@@ -78,8 +83,10 @@ fn object(message: Arguments<'_>) {
 }
 
 /// Text within a string of JSON.
+#[cfg(unix)]
 struct Escaped<'t>(&'t mut Cursor<[u8; 1024]>);
 
+#[cfg(unix)]
 impl std::fmt::Write for Escaped<'_> {
     fn write_str(&mut self, text: &str) -> std::fmt::Result {
         for c in text.chars() {

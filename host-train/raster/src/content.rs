@@ -1,7 +1,7 @@
 //! Hashes of the contents of rasters' files.
 
 use crate::format::Format;
-use crate::{isis, mask, pds3, pds4, vrt};
+use crate::{bytes, isis, mask, pds3, pds4, vrt};
 use elunar_base::Result;
 use elunar_base::digest::{sha256_hex, sha256_while};
 use std::path::{Path, PathBuf};
@@ -17,6 +17,15 @@ pub const MOST_HASHES: usize = 8;
 /// [`elunar_base::Error::Io`] if a file cannot be read; as [`crate::source::open`] if it is no raster.
 pub fn sha256_of_raster(path: &Path) -> Result<String> {
     sha256_of_raster_while(path, &|| true)
+}
+
+/// Returns what stands for the content of a raster: [`sha256_of_raster_while`], or of a file on the net its address, length and entity tag (or time of
+/// the last change), in words that say that no bytes were hashed.
+///
+/// # Errors
+/// As [`sha256_of_raster_while`]; [`elunar_base::Error::Io`] if the server does not answer.
+pub fn identity_of_raster_while(path: &Path, goes_on: &dyn Fn() -> bool) -> Result<String> {
+    bytes::identity(path)?.map_or_else(|| sha256_of_raster_while(path, goes_on), Ok)
 }
 
 /// Returns the SHA-256 of a raster's files as [`sha256_of_raster`] does, while `goes_on` says yes.

@@ -1,7 +1,8 @@
 //! File formats, recognised by the first bytes.
 
 use super::{npy, pds3, pds4};
-use elunar_base::{Error, Result, read};
+use crate::bytes::Bytes;
+use elunar_base::{Error, Result};
 use std::io::Read;
 use std::path::Path;
 
@@ -100,7 +101,7 @@ fn opens(text: &[u8], block: &[u8]) -> bool {
 /// As [`Format::of`].
 pub fn head(path: &Path) -> Result<Vec<u8>> {
     let mut head = Vec::new();
-    read::file(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
+    Bytes::open(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(Error::io(path))?;
     if head.is_empty() {
         return Err(Error::broken(path, "a raster expected, found an empty file"));
     }

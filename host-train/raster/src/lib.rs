@@ -2,6 +2,7 @@
 
 pub mod align;
 mod binary;
+mod bytes;
 pub mod content;
 mod crs;
 pub mod format;
@@ -10,6 +11,7 @@ mod gdal_tests;
 mod georef;
 pub mod geotiff;
 pub mod heights;
+mod http;
 pub mod isis;
 mod mask;
 mod named_map;

@@ -1,13 +1,14 @@
 //! Rasters read on demand, window by window. A strip of 5,000 x 50,000 pixels is never whole in memory.
 
-use super::format::{Format, describe};
+use super::bytes;
+use super::format::{self, Format, describe};
 use super::mask::masked;
 use super::pam::told;
 use super::sun::StatedSun;
 #[cfg(not(target_family = "wasm"))]
 use super::through_gdal::{self, Outcome};
 use super::{GeoRef, Raster, geotiff, isis, npy, pds3, pds4, vrt};
-use elunar_base::{Error, Result};
+use elunar_base::{Error, Result, read};
 use elunar_core::tile::Window;
 use std::path::Path;
 
@@ -88,7 +89,8 @@ pub trait Source: Send + Sync {
 
 /// Opens a raster file of any supported format. The content decides, not the name. The path of a PDS3 image may be its label or, if a label
 /// lies beside it, the image file itself. A file of another format is converted by `gdal_translate`, if that is installed, into a temporary GeoTIFF;
-/// a warning says so.
+/// a warning says so. A path that is an address (`http://` or `https://`) is a GeoTIFF on the net, of which the bytes that are needed are read
+/// (feature `http`).
 ///
 /// # Errors
 /// [`Error::Io`] if the file cannot be read, [`Error::Broken`] if it contradicts itself, [`Error::Unsupported`] for unsupported formats and
@@ -108,8 +110,11 @@ pub fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
 }
 
 pub(crate) fn open_alone(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Source>> {
+    // One version of a file on the net, from its first bytes on.
+    let _held = bytes::held(path)?;
     match Format::of(path)? {
         Format::Tiff => geotiff::open_with(path, nodata),
+        _ if read::is_address(path) => Err(bytes::no_geotiff(path, &describe(&format::head(path)?))),
         Format::Pds3 => pds3::open_with(path, nodata),
         Format::Isis => isis::open_with(path, nodata),
         Format::Pds4 => pds4::open_with(path, nodata),

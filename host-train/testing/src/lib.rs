@@ -4,6 +4,7 @@
 pub mod exit_codes;
 mod mutate;
 pub mod oracle;
+pub mod server;
 
 pub use mutate::mutate;
 pub use oracle::rasterio;

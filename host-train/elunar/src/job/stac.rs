@@ -2,7 +2,7 @@
 //! `ssys` (USGS), because STAC's own geometry means the Earth.
 
 use super::request::Request;
-use super::task::Work;
+use super::task::Task;
 use super::words::file_name;
 use elunar_base::digest::sha256;
 use elunar_base::{Error, Result, SOFTWARE, atomic_write};
@@ -10,6 +10,7 @@ use elunar_core::sun::{Body, UtcTime};
 use elunar_raster::sun::{body_of, north_deg};
 use elunar_raster::{GeoRef, Projection};
 use elunar_scene::predict::hillshade_path;
+use elunar_scene::predict::identity::is_hash;
 use elunar_scene::predict::record::PredictionRecord;
 use serde_json::{Map, Value, json};
 use std::path::{Path, PathBuf};
@@ -31,7 +32,8 @@ const MULTIHASH_SHA256: &str = "1220";
 ///
 /// # Errors
 /// If the map of the DTM has no longitudes, or a file cannot be read or written.
-pub(super) fn write(path: &Path, args: &Request, work: &Work, record: &PredictionRecord) -> Result<()> {
+pub(super) fn write(path: &Path, args: &Request, task: &Task, record: &PredictionRecord) -> Result<()> {
+    let work = &task.work;
     let (rows, cols, georef) = (record.rows, record.cols, &work.scene.georef);
     let unknown = || Error::input(format!("{}: --stac: a projection with longitudes expected", record.image));
     let ring = footprint(georef, rows, cols).ok_or_else(unknown)?;
@@ -48,7 +50,7 @@ pub(super) fn write(path: &Path, args: &Request, work: &Work, record: &Predictio
         "id": args.output.file_stem().unwrap_or_default().to_string_lossy(),
         "bbox": [west, south, east, north],
         "geometry": { "type": "Polygon", "coordinates": [ring] },
-        "properties": properties(args, work, record)?,
+        "properties": properties(args, task, record)?,
         "links": [],
         "assets": assets(args, folder)?,
     });
@@ -56,7 +58,8 @@ pub(super) fn write(path: &Path, args: &Request, work: &Work, record: &Predictio
     atomic_write(path, (text + "\n").as_bytes())
 }
 
-fn properties(args: &Request, work: &Work, record: &PredictionRecord) -> Result<Map<String, Value>> {
+fn properties(args: &Request, task: &Task, record: &PredictionRecord) -> Result<Map<String, Value>> {
+    let work = &task.work;
     let (rows, cols, georef) = (record.rows, record.cols, &work.scene.georef);
     let [x0, x_col, x_row, y0, y_col, y_row] = georef.transform;
     let made = now()?;
@@ -68,8 +71,8 @@ fn properties(args: &Request, work: &Work, record: &PredictionRecord) -> Result<
     };
     let description = format!(
         "Heights above the sphere, metres, from the image {} and the coarse DTM {}, by {}.{of_time}",
-        file_name(&args.inputs.image),
-        file_name(&args.inputs.coarse),
+        named(&args.inputs.image, &task.identity.image),
+        named(&args.inputs.coarse, &task.identity.coarse),
         record.model
     );
     set("description", description.into());
@@ -93,6 +96,11 @@ fn properties(args: &Request, work: &Work, record: &PredictionRecord) -> Result<
     }
     set("software", SOFTWARE.into());
     Ok(all)
+}
+
+/// Returns the name of an input, or what stands for a file on the net.
+fn named(path: &Path, content: &str) -> String {
+    if is_hash(content) { file_name(path) } else { content.into() }
 }
 
 /// Returns the files by their roles. Names are relative to the item's folder where they lie in it.

@@ -9,7 +9,7 @@ use elunar_core::sun::UtcTime;
 use elunar_net::illumination::Lighting;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::errors::assumed_sigma_m;
-use elunar_scene::predict::identity::{self, Identity, sha256_of_input};
+use elunar_scene::predict::identity::{self, Identity, content_of_input};
 use elunar_scene::predict::job::{Keep, survey};
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::notices::notices;
@@ -124,7 +124,7 @@ impl Task {
 
 /// Returns what identifies this job. With a changed input, model or option, the job starts anew.
 fn identity(args: &Request, options: &PredictOptions, model: &str) -> Result<Identity> {
-    let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| sha256_of_input(path), Ok);
+    let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| content_of_input(path), Ok);
     let image = known(&args.image_sha256, &args.inputs.image)?;
     Ok(Identity::new(image, known(&args.coarse_sha256, &args.inputs.coarse)?, model, in_words(args, options)))
 }

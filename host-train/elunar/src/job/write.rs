@@ -109,7 +109,7 @@ pub(super) fn write(
         text += &format!("\n{}: a page to look at", path.display());
     }
     if let Some(path) = &args.stac {
-        stac::write(path, args, work, &record)?;
+        stac::write(path, args, task, &record)?;
         text += &format!("\n{}: STAC item", path.display());
     }
     Ok(Done { text, json: Some(record.json()) })

@@ -2,7 +2,8 @@
 
 use super::lengths::amended;
 use super::overlaid::Overlaid;
-use elunar_base::{Error, Result, read};
+use crate::bytes::Bytes;
+use elunar_base::{Error, Result};
 use std::io::{ErrorKind, Seek as _};
 use std::path::{Path, PathBuf};
 use tiff::TiffError;
@@ -21,8 +22,8 @@ pub(super) struct Handle {
 
 impl Handle {
     pub(super) fn open(path: &Path) -> Result<Self> {
-        let mut file = read::file(path)?;
-        let file_bytes = file.metadata().map_err(Error::io(path))?.len();
+        let mut file = Bytes::open(path)?;
+        let file_bytes = file.length().map_err(Error::io(path))?;
         let pieces = amended(&mut file, file_bytes).and_then(|pieces| file.rewind().map(|()| pieces));
         let pieces = pieces.map_err(|e| refusal(path, TiffError::IoError(e)))?;
         let tiff = Decoder::new(Overlaid::new(file, pieces)).map_err(|e| refusal(path, e))?;

@@ -3,6 +3,7 @@
 use super::handle::Handle;
 use super::plain::SampleKind;
 use elunar_base::Result;
+use std::ops::Range;
 use tiff::ColorType;
 use tiff::decoder::{ChunkType, Limits};
 use tiff::tags::{CompressionMethod, PhotometricInterpretation, PlanarConfiguration, Predictor, SampleFormat, Tag};
@@ -69,6 +70,8 @@ pub(super) struct Layout {
     /// Number of chunks of the bands before.
     pub(super) chunks_before: usize,
     pub(super) sample_bytes: usize,
+    /// The bytes of each chunk of the band in a file on the net.
+    extents: Vec<Range<u64>>,
     /// Numbers of chunks that were never written (sparse files).
     pub(super) unwritten: Vec<usize>,
     /// Offset of the first sample of a plain file. Its chunks are groups of rows.
@@ -111,6 +114,7 @@ impl Layout {
             chunks,
             chunks_before: band.unwrap_or(0) * chunks,
             sample_bytes: kind.bits as usize / 8,
+            extents: vec![],
             unwritten: vec![],
             plain: None,
             kind,
@@ -135,6 +139,13 @@ impl Layout {
     pub(super) fn place(&self, chunk: usize) -> (usize, usize, usize, usize) {
         let (row, col) = (chunk / self.across * self.chunk_rows, chunk % self.across * self.chunk_cols);
         (row, col, self.chunk_rows.min(self.rows - row), self.chunk_cols.min(self.cols - col))
+    }
+
+    /// Returns the bytes of a chunk in the file.
+    pub(super) fn extent(&self, chunk: usize) -> Range<u64> {
+        let Some(start) = self.plain else { return self.extents.get(chunk).cloned().unwrap_or_default() };
+        let first = start + (chunk * self.chunk_rows * self.cols * self.sample_bytes) as u64;
+        first..first + self.rows_bytes(chunk)
     }
 
     /// Returns the number of bytes of a strip's rows.
@@ -208,6 +219,9 @@ impl Layout {
                     format!("the file ends too early: part {part} of {chunks} ends at byte {end}, the file at {bytes}");
                 return Err(file.broken(what));
             }
+        }
+        if file.tiff.inner().bytes().is_remote() {
+            self.extents = offsets.iter().zip(lengths).take(self.chunks).map(|(&at, &long)| at..at + long).collect();
         }
         let known = !(self.kind.letter == 'f' && self.kind.bits == 16);
         let in_a_run = |(chunk, pair): (usize, &[u64])| pair[1] == pair[0] + self.rows_bytes(chunk);

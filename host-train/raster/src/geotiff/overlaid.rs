@@ -1,20 +1,25 @@
 //! A file with some of its bytes replaced, and others behind its end. The file itself stays as it is.
 
-use std::fs::File;
+use crate::bytes::Bytes;
 use std::io::{BufReader, Read, Result, Seek, SeekFrom};
 
 /// An open file under pieces of bytes at their offsets. Pieces do not overlap.
 pub(super) struct Overlaid {
-    file: BufReader<File>,
+    file: BufReader<Bytes>,
     pieces: Vec<(u64, Vec<u8>)>,
     /// Position, if there are pieces.
     at: u64,
 }
 
 impl Overlaid {
-    pub(super) fn new(file: File, mut pieces: Vec<(u64, Vec<u8>)>) -> Self {
+    pub(super) fn new(file: Bytes, mut pieces: Vec<(u64, Vec<u8>)>) -> Self {
         pieces.sort_unstable();
         Self { file: BufReader::new(file), pieces, at: 0 }
+    }
+
+    /// Returns the file itself.
+    pub(super) fn bytes(&self) -> &Bytes {
+        self.file.get_ref()
     }
 }
 
@@ -47,7 +52,7 @@ impl Seek for Overlaid {
         self.at = match to {
             SeekFrom::Start(at) => at,
             SeekFrom::Current(by) => self.at.saturating_add_signed(by),
-            SeekFrom::End(by) => self.file.get_ref().metadata()?.len().saturating_add_signed(by),
+            SeekFrom::End(by) => self.file.get_ref().length()?.saturating_add_signed(by),
         };
         Ok(self.at)
     }
@@ -64,7 +69,7 @@ mod tests {
         file.write_all(b"0123456789").unwrap();
         file.rewind().unwrap();
         let pieces = vec![(12, b"yz".to_vec()), (2, b"ab".to_vec())];
-        let mut all = Overlaid::new(file, pieces);
+        let mut all = Overlaid::new(Bytes::File(file), pieces);
         let mut head = [0; 10];
         all.read_exact(&mut head).unwrap();
         assert_eq!(&head, b"01ab456789");

@@ -13,6 +13,7 @@ use super::tag;
 use elunar_base::memory::may_fail;
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex};
 use tiff::decoder::DecodingResult;
@@ -119,6 +120,15 @@ impl GeoTiff {
         Ok(samples)
     }
 
+    /// Says which chunks will be read next. A file on the net fetches them together.
+    fn want(&self, chunks: Range<usize>) -> Result<()> {
+        let mut state = self.state.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+        let State { file, cache } = &mut *state;
+        let is_new = |chunk: &usize| cache.get(*chunk).is_none() && self.layout.unwritten.binary_search(chunk).is_err();
+        let mut extents = chunks.filter(is_new).map(|chunk| self.layout.extent(chunk));
+        file.tiff.inner().bytes().want(&mut extents).map_err(Error::io(&self.path))
+    }
+
     fn decode(&self, file: &mut Handle, chunk: usize) -> Result<Vec<f32>> {
         let (layout, (.., rows, _)) = (&self.layout, self.layout.place(chunk));
         if let Some(start) = layout.plain {
@@ -166,9 +176,11 @@ impl Source for GeoTiff {
             return Ok(samples);
         }
         let chunk_rows = window.row / layout.chunk_rows..=(window.row + window.rows - 1) / layout.chunk_rows;
+        let last_across = (window.col + window.cols - 1) / layout.chunk_cols;
         for down in chunk_rows {
-            for across in window.col / layout.chunk_cols..=(window.col + window.cols - 1) / layout.chunk_cols {
+            for across in window.col / layout.chunk_cols..=last_across {
                 let chunk = down * layout.across + across;
+                self.want(chunk..down * layout.across + last_across + 1)?;
                 if layout.unwritten.binary_search(&chunk).is_err() {
                     copy(&self.chunk(chunk)?, layout.place(chunk), layout.chunk_cols, window, &mut samples);
                 }

@@ -4,7 +4,7 @@ use super::super::mask::masked;
 use super::super::nodata::Nodata;
 use super::super::pam::told;
 use super::{Format, Source, open_with, source};
-use elunar_base::Result;
+use elunar_base::{Result, read};
 use elunar_core::tile::Window;
 use std::collections::VecDeque;
 use std::path::{Path, PathBuf};
@@ -93,6 +93,8 @@ impl Opened {
 
 /// Opens a file of a VRT with its mask.
 pub(super) fn open_file(path: &Path, nested: usize) -> Result<Box<dyn Source>> {
+    // A VRT's identity is that of its files' bytes.
+    read::refuse_address(path)?;
     match Format::of(path)? {
         Format::Vrt => Ok(told(path, masked(path, open_with(path, None, nested + 1)?)?)),
         _ => source::open(path),

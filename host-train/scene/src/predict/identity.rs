@@ -2,7 +2,7 @@
 
 use elunar_base::digest::{sha256, sha256_hex};
 use elunar_base::{Result, interrupt, read};
-use elunar_raster::content::sha256_of_raster_while;
+use elunar_raster::content::identity_of_raster_while;
 use elunar_raster::geotiff;
 use std::path::{Path, PathBuf};
 
@@ -20,10 +20,10 @@ pub fn words<'a>(options: impl IntoIterator<Item = (&'a str, Option<String>)>) -
 /// The identity of a job.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct Identity {
-    /// SHA-256 of the image's files.
-    pub image_sha256: String,
-    /// SHA-256 of the coarse DTM's files.
-    pub coarse_sha256: String,
+    /// SHA-256 of the image's files, or what stands for a file on the net ([`identity_of_raster_while`]).
+    pub image: String,
+    /// The same of the coarse DTM.
+    pub coarse: String,
     /// The options that change the result: `name=value`, with blanks between ([`words`]).
     pub options: String,
     /// SHA-256 of all of this, the program's version and the model.
@@ -31,26 +31,32 @@ pub struct Identity {
 }
 
 impl Identity {
-    /// Makes the identity of a job from its inputs' hashes. `model` describes the model, with its hash, or the method.
+    /// Makes the identity of a job from what stands for its inputs. `model` describes the model, with its hash, or the method.
     #[must_use]
-    pub fn new(image_sha256: String, coarse_sha256: String, model: &str, options: String) -> Self {
+    pub fn new(image: String, coarse: String, model: &str, options: String) -> Self {
         let version = env!("CARGO_PKG_VERSION");
-        let job = sha256_hex(format!("{version}\n{image_sha256}\n{coarse_sha256}\n{model}\n{options}\n"));
-        Self { image_sha256, coarse_sha256, options, job }
+        let job = sha256_hex(format!("{version}\n{image}\n{coarse}\n{model}\n{options}\n"));
+        Self { image, coarse, options, job }
     }
 
     /// Reads the inputs and makes the identity.
     ///
     /// # Errors
-    /// As [`sha256_of_input`].
+    /// As [`content_of_input`].
     pub fn of(image: &Path, coarse: &Path, model: &str, options: String) -> Result<Self> {
-        Ok(Self::new(sha256_of_input(image)?, sha256_of_input(coarse)?, model, options))
+        Ok(Self::new(content_of_input(image)?, content_of_input(coarse)?, model, options))
     }
 
     /// Returns the metadata items that state the identity.
     pub(super) fn items(&self) -> [(&'static str, String); 4] {
-        let Self { image_sha256, coarse_sha256, options, job } = self.clone();
-        [("IMAGE_SHA256", image_sha256), ("COARSE_DTM_SHA256", coarse_sha256), ("OPTIONS", options), (JOB_ITEM, job)]
+        let Self { image, coarse, options, job } = self.clone();
+        let name = |content: &str, hash, address| if is_hash(content) { hash } else { address };
+        [
+            (name(&image, "IMAGE_SHA256", "IMAGE_ADDRESS"), image),
+            (name(&coarse, "COARSE_DTM_SHA256", "COARSE_DTM_ADDRESS"), coarse),
+            ("OPTIONS", options),
+            (JOB_ITEM, job),
+        ]
     }
 
     /// Returns whether `output` is this job's finished file: it states the job, and its bytes have the sum that lies beside it. Whatever is
@@ -62,13 +68,19 @@ impl Identity {
     }
 }
 
-/// Returns the SHA-256 of a raster's files. Ctrl-C stops the reading.
+/// Returns whether what stands for an input is a SHA-256, or several.
+#[must_use]
+pub fn is_hash(content: &str) -> bool {
+    content.bytes().all(|byte| byte.is_ascii_hexdigit() || byte == b'+')
+}
+
+/// Returns the SHA-256 of a raster's files, or what stands for a file on the net. Ctrl-C stops the reading.
 ///
 /// # Errors
-/// As [`sha256_of_raster_while`].
-pub fn sha256_of_input(path: &Path) -> Result<String> {
+/// As [`identity_of_raster_while`].
+pub fn content_of_input(path: &Path) -> Result<String> {
     interrupt::listen();
-    sha256_of_raster_while(path, &|| !interrupt::requested())
+    identity_of_raster_while(path, &|| !interrupt::requested())
 }
 
 /// Returns whether a file is a GeoTIFF that states the job that made it, whatever job.
