@@ -35,8 +35,9 @@ lint() {
     onboard/capi/misra.py          # what MISRA C finds in the C code is listed with its reasons
 }
 
-# What is built in: bills of materials, licences, sources, duplicates, and known faults where the database can be had.
+# What can be published: the packages of elunar-raster, on its own. What is built in: bills of materials, licences, sources, duplicates, and known faults where the database can be had.
 supply() {
+    cargo package --quiet --locked --no-verify --allow-dirty --package elunar-core --package elunar-base --package elunar-raster
     onboard/flight/sbom.py "$target/sbom"
     if ! cargo deny --version >/dev/null 2>&1; then
         echo "SKIPPED: supply: cargo-deny is not here (cargo install cargo-deny --locked)"

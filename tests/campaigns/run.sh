@@ -2,7 +2,11 @@
 # Campaigns: checks of minutes to hours, which ./ci.sh does not run. README.md says what each one does, record.csv what they found so far.
 #
 #   tests/campaigns/run.sh                  all of them
-#   tests/campaigns/run.sh slots kills      these: programs slots strip kills races endless foreign manifests miri roundings inject fuzz
+#   tests/campaigns/run.sh slots kills      these: programs slots strip kills races schedules endless foreign manifests miri roundings inject fuzz
+#   ELUNAR_LAYOUTS, ELUNAR_BOOTS, ELUNAR_FLIPS, ELUNAR_KILLS, ELUNAR_RACES, ELUNAR_SCHEDULES, ELUNAR_INJECTIONS, FUZZ_SECONDS: lengths
+#   ELUNAR_SEED=N        programs and schedules from this seed on; programs need another folder then
+#   ELUNAR_JOBS=train,export    commands of kills, races, foreign
+#   ELUNAR_PART=2/5      a part of the programs of miri
 #   ELUNAR_CAMPAIGNS=DIR                    where progress, logs and findings are (default: tests/campaigns/out)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
@@ -25,6 +29,10 @@ slots() { ELUNAR_BOOTS="${ELUNAR_BOOTS:-100000}" ignored --package elunar-core "
 kills() { ELUNAR_KILLS="${ELUNAR_KILLS:-50}" ignored --package host-train --test kills many_kills; }
 
 races() { ELUNAR_RACES="${ELUNAR_RACES:-20}" ignored --package host-train --test kills many_races; }
+
+schedules() {
+    ELUNAR_SCHEDULES="${ELUNAR_SCHEDULES:-100000}" cargo test --locked --package elunar-base --lib -- --nocapture no_schedule
+}
 
 endless() { ignored --package host-train --test endless every_input; }
 
@@ -54,10 +62,10 @@ inject() {
 
 fuzz() { FUZZ_FOLDER="$folder/fuzz" tests/fuzz/campaign.sh; }
 
-[ $# -gt 0 ] || set -- programs slots strip kills races endless foreign manifests miri roundings inject fuzz
+[ $# -gt 0 ] || set -- programs slots strip kills races schedules endless foreign manifests miri roundings inject fuzz
 for campaign in "$@"; do
     case "$campaign" in
-    programs | slots | strip | kills | races | endless | foreign | manifests | miri | roundings | inject | fuzz)
+    programs | slots | strip | kills | races | schedules | endless | foreign | manifests | miri | roundings | inject | fuzz)
         printf '\n== %s, %s, commit %s, %s\n' "$campaign" "$(date -u +%F)" "$(git rev-parse --short HEAD)" \
             "$(sed -n 's/^model name[^:]*: //p' /proc/cpuinfo 2>/dev/null | head -1)"
         SECONDS=0
@@ -65,7 +73,7 @@ for campaign in "$@"; do
         echo "$campaign: $SECONDS s"
         ;;
     *)
-        echo "ERROR: expected a campaign (programs slots strip kills races endless foreign manifests miri roundings inject fuzz), found '$campaign'" >&2
+        echo "ERROR: expected a campaign (programs slots strip kills races schedules endless foreign manifests miri roundings inject fuzz), found '$campaign'" >&2
         exit 1
         ;;
     esac

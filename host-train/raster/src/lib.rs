@@ -1,4 +1,4 @@
-//! Rasters with a georeference on a sphere, and their file formats.
+#![doc = include_str!("../README.md")]
 
 pub mod align;
 mod binary;
@@ -33,6 +33,8 @@ pub mod vrt;
 mod xml;
 
 pub use crs::{Axes, Crs, MOON_RADIUS_M};
+pub use elunar_base::{Error, Result};
+pub use elunar_core::tile::Window;
 pub use georef::{GeoRef, GeoTransform};
 pub use projection::Projection;
 

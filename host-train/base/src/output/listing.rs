@@ -3,6 +3,7 @@
 //! `COMMAND.files` lies in the folder and is written before the first file that it names, so that a kill leaves no file unlisted. Names that end
 //! with `/` are folders that are the command's with all that is in them.
 
+use super::step::{Step, before};
 use super::target::{check_regular, check_target, kind_of};
 use super::whole::{UNFINISHED, atomic_write};
 use crate::{Error, Result, read};
@@ -126,14 +127,15 @@ impl Listing {
             return remove_all(&path, |inner| self.names.contains(&format!("{name}{inner}")));
         }
         check_regular(&path, &found)?;
-        std::fs::remove_file(&path).map_err(Error::io(&path))
+        before(Step::Remove, &path).and_then(|()| std::fs::remove_file(&path)).map_err(Error::io(&path))
     }
 
     /// Leaves a list of what is there, or none if nothing is.
     pub(super) fn close(&mut self) {
         self.forget_absent();
         // An error leaves names of files that are not there.
-        let _ = if self.names.is_empty() { std::fs::remove_file(&self.path).is_ok() } else { self.write().is_ok() };
+        let remove = || before(Step::Remove, &self.path).and_then(|()| std::fs::remove_file(&self.path));
+        let _ = if self.names.is_empty() { remove().is_ok() } else { self.write().is_ok() };
     }
 }
 

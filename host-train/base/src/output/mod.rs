@@ -7,6 +7,9 @@ mod listing;
 mod owner;
 mod record;
 mod renewal;
+#[cfg(all(test, unix))]
+mod simulated;
+mod step;
 mod target;
 mod whole;
 

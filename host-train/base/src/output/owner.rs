@@ -8,6 +8,7 @@ use super::growing::without_following;
 use super::listing::Listing;
 use super::record::{OutputRecord, start_of};
 use super::renewal::{Renewal, Succession, is_at, is_old};
+use super::step::{Step, before};
 use super::target::check_target;
 use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
@@ -103,6 +104,7 @@ impl Owner {
         };
         for _ in 0..TRIES {
             let claim = claim(&lock, &here).map_err(Error::io(output))?;
+            before(Step::Take, &lock).map_err(Error::io(output))?;
             match claim.persist_noclobber(&lock) {
                 Ok(file) => return own(lock, (file, false)),
                 Err(found) if found.error.kind() == ErrorKind::AlreadyExists => {
@@ -143,11 +145,11 @@ impl Drop for Owner {
         if is_at(&self.file, &self.lock) {
             self.listing.iter_mut().for_each(Listing::close);
             // An error leaves a lock that the next run recognises as left behind.
-            let _ = std::fs::remove_file(&self.lock);
+            let _ = before(Step::Remove, &self.lock).and_then(|()| std::fs::remove_file(&self.lock));
         }
         if let Some(folder) = &self.made {
             // Fails if something is in it, as it should.
-            let _ = std::fs::remove_dir(folder);
+            let _ = before(Step::Remove, folder).and_then(|()| std::fs::remove_dir(folder));
         }
     }
 }
@@ -156,7 +158,7 @@ impl Drop for Owner {
 fn remove_unfinished(folder: &Path) {
     for path in nameless(folder, UNFINISHED) {
         // What cannot be removed does no harm.
-        let _ = std::fs::remove_file(path);
+        let _ = before(Step::Remove, &path).and_then(|()| std::fs::remove_file(path));
     }
 }
 
@@ -167,7 +169,7 @@ fn remove_dead_claims(folder: &Path, here: &OutputRecord) {
     };
     for path in nameless(folder, SUFFIX) {
         if std::fs::symlink_metadata(&path).is_ok_and(empty_and_old) {
-            let _ = std::fs::remove_file(path);
+            let _ = before(Step::Remove, &path).and_then(|()| std::fs::remove_file(path));
             continue;
         }
         let read = |path| text(&mut without_following(OpenOptions::new().read(true)).open(path).ok()?, path).ok();
@@ -175,7 +177,7 @@ fn remove_dead_claims(folder: &Path, here: &OutputRecord) {
         let known = |record: &OutputRecord| record.namespace == here.namespace || record.boot != here.boot;
         let record = read(&path).and_then(|text| OutputRecord::parse(&text)).filter(known);
         if record.is_some_and(|record| record.has_ended(here, start_of)) {
-            let _ = std::fs::remove_file(path);
+            let _ = before(Step::Remove, &path).and_then(|()| std::fs::remove_file(path));
         }
     }
 }
@@ -196,8 +198,11 @@ fn claim(lock: &Path, here: &OutputRecord) -> std::io::Result<NamedTempFile> {
     // Others must be able to read who it is.
     #[cfg(unix)]
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    before(Step::Create, lock)?;
     let mut claim = builder.suffix(SUFFIX).tempfile_in(folder_of(lock))?;
+    before(Step::Write, lock)?;
     claim.write_all(here.text().as_bytes())?;
+    before(Step::Sync, claim.path())?;
     claim.as_file().sync_all()?;
     // Where there are no locks, the file alone is the claim.
     let _ = claim.as_file().try_lock();
@@ -206,6 +211,7 @@ fn claim(lock: &Path, here: &OutputRecord) -> std::io::Result<NamedTempFile> {
 
 /// Takes the place of an owner that has ended. `None` if the lock has just vanished or changed.
 fn succeed(output: &Path, lock: &Path, here: &OutputRecord, claim: NamedTempFile) -> Result<Option<Taken>> {
+    before(Step::Judge, lock).map_err(Error::io(lock))?;
     check_target(lock)?;
     let mut options = OpenOptions::new();
     let mut file = match without_following(options.read(true)).open(lock) {
@@ -237,6 +243,7 @@ fn succeed(output: &Path, lock: &Path, here: &OutputRecord, claim: NamedTempFile
     } else if !is_locking {
         return Err(busy(output, lock, &text, true));
     }
+    before(Step::Rename, lock).map_err(Error::io(output))?;
     claim.persist(lock).map(|file| Some((file, false))).map_err(|e| Error::io(output)(e.error))
 }
 
@@ -251,10 +258,12 @@ fn inherit(output: &Path, lock: &Path, (file, text): (&File, &str), claim: Named
     let Some(_succession) = Succession::claim(lock, text, now)? else {
         return Err(busy(output, lock, text, false));
     };
+    before(Step::Judge, lock).map_err(Error::io(lock))?;
     // Another may have succeeded before us, or the owner has woken.
     if !is_at(file, lock) || !is_old(changed(file)?, now) {
         return Ok(None);
     }
+    before(Step::Rename, lock).map_err(Error::io(output))?;
     claim.persist(lock).map(|file| Some((file, true))).map_err(|e| Error::io(output)(e.error))
 }
 

@@ -28,6 +28,10 @@ pub(super) struct OutputRecord {
 impl OutputRecord {
     /// Returns the record of this process.
     pub(super) fn here() -> Self {
+        #[cfg(all(test, unix))]
+        if let Some(simulated) = super::simulated::here() {
+            return simulated;
+        }
         let read = |path: &str| std::fs::read_to_string(path).ok().map(|text| text.trim().to_string());
         let namespace = std::fs::read_link("/proc/self/ns/pid");
         // WebAssembly has no processes.
@@ -110,6 +114,10 @@ pub fn host_name() -> String {
 
 /// Returns the start of a running process, in ticks since the kernel's start; `None` if it does not run, or this system does not tell.
 pub(super) fn start_of(pid: u32) -> Option<u64> {
+    #[cfg(all(test, unix))]
+    if super::simulated::is_active() {
+        return super::simulated::start_of(pid);
+    }
     const ENDED: [&str; 2] = ["Z", "X"];
     let text = std::fs::read_to_string(format!("/proc/{pid}/stat")).ok()?;
     // The name of the program, in brackets, may hold spaces and brackets.

@@ -1,5 +1,6 @@
 //! The life sign of an owner: it touches its lock as long as it lives, so that other machines see when it has ended.
 
+use super::step::{Step, before};
 use crate::{Error, HAS_THREADS, Result};
 use std::fs::File;
 use std::path::{Path, PathBuf};
@@ -31,6 +32,10 @@ impl Renewal {
             |_| Error::io(lock)(std::io::Error::new(std::io::ErrorKind::OutOfMemory, "no thread for the lock"));
         let lost = Arc::new(AtomicBool::new(false));
         let (_stop, ended) = channel::<()>();
+        #[cfg(all(test, unix))]
+        if super::simulated::is_active() {
+            return Ok(Self { lost, _stop });
+        }
         if !HAS_THREADS {
             return Ok(Self { lost, _stop });
         }
@@ -88,6 +93,7 @@ impl Succession {
             .fold(0xcbf2_9ce4_8422_2325_u64, |hash, byte| (hash ^ u64::from(byte)).wrapping_mul(0x0100_0000_01b3));
         for number in 0..MOST {
             let path = PathBuf::from(format!("{}.{id:016x}.{number}", lock.display()));
+            before(Step::Create, &path).map_err(Error::io(&path))?;
             match File::create_new(&path) {
                 Ok(_) => return Ok(Some(Self { path })),
                 Err(error) if error.kind() == std::io::ErrorKind::AlreadyExists => {
@@ -106,7 +112,7 @@ impl Succession {
 impl Drop for Succession {
     fn drop(&mut self) {
         // An error leaves a file that grows old.
-        let _ = std::fs::remove_file(&self.path);
+        let _ = before(Step::EndSuccession, &self.path).and_then(|()| std::fs::remove_file(&self.path));
     }
 }
 

@@ -1,5 +1,6 @@
 //! Files that appear whole or not at all.
 
+use super::step::{Step, before};
 use super::target::check_target;
 use crate::digest::sha256_of;
 use crate::{Error, Result, folder_of};
@@ -30,6 +31,7 @@ impl Staged {
         // Permissions follow the user's umask. A temporary file is private by default.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        before(Step::Create, path).map_err(Error::io(path))?;
         let file = builder.tempfile_in(folder_of(path)).map_err(Error::io(path))?;
         Ok(Self { path: path.into(), file })
     }
@@ -47,15 +49,30 @@ impl Staged {
         sha256_of(self.file.as_file_mut()).map_err(Error::io(&self.path))
     }
 
-    /// Waits until the file is on disk, and renames it to its path.
+    /// Waits until the file is on disk, renames it to its path, and waits until the name is on disk, too.
     ///
     /// # Errors
     /// As [`check_target`]; [`Error::Io`] if the disk is full or the file cannot be renamed.
     pub fn publish(self) -> Result<()> {
         let Self { path, file } = self;
-        file.as_file().sync_all().map_err(Error::io(&path))?;
+        before(Step::Sync, file.path()).and_then(|()| file.as_file().sync_all()).map_err(Error::io(&path))?;
         check_target(&path)?;
-        file.persist(&path).map(drop).map_err(|e| Error::Io { path, source: e.error })
+        before(Step::Rename, &path).map_err(Error::io(&path))?;
+        file.persist(&path).map_err(|e| Error::io(&path)(e.error))?;
+        sync_folder(&path).map_err(Error::io(&path))
+    }
+}
+
+/// Waits until the names in the folder of `path` are on disk: otherwise a power cut may undo a rename. Not all systems can.
+fn sync_folder(path: &Path) -> std::io::Result<()> {
+    use std::io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
+    before(Step::SyncFolder, path)?;
+    if !cfg!(unix) {
+        return Ok(());
+    }
+    match File::open(folder_of(path)).and_then(|folder| folder.sync_all()) {
+        Err(error) if matches!(error.kind(), InvalidInput | PermissionDenied | Unsupported) => Ok(()),
+        done => done,
     }
 }
 
@@ -65,6 +82,7 @@ impl Staged {
 /// As [`check_target`]; [`Error::Io`] if the folder or file cannot be written.
 pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut staged = Staged::create(path)?;
+    before(Step::Write, path).map_err(Error::io(path))?;
     staged.file().write_all(bytes).map_err(Error::io(path))?;
     staged.publish()
 }

@@ -1,0 +1,263 @@
+//! A simulated world for tests: processes that a seed interleaves, kills and lets fail, and a disk that loses at a power cut what was not
+//! synced.
+//!
+//! A process is a thread. One runs at a time; in front of every step ([`before`]) the seed chooses who goes on. The code under test is the real
+//! one, on a real folder. A killed process unwinds; what its destructors remove is put back, because a kill runs none.
+
+mod disk;
+mod processes;
+
+use super::record::OutputRecord;
+use super::step::Step;
+use disk::Disk;
+use std::cell::RefCell;
+use std::io::{Error, ErrorKind, Result};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
+use std::path::Path;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+
+/// What is wrong on purpose, so that the checks must find it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) enum Planted {
+    /// A file is renamed before it is on disk.
+    NoSync,
+    /// A name is not brought to disk.
+    NoFolderSync,
+    /// A lock is looked for and then taken, in two steps.
+    CheckThenAct,
+    /// An output gets its name after its lock is gone.
+    UnlockFirst,
+}
+
+/// Reproducible numbers (xorshift64*).
+pub(super) struct Random(u64);
+
+impl Random {
+    pub(super) fn new(seed: u64) -> Self {
+        let mut random = Self(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+        (0..4).for_each(|_| _ = random.below(2));
+        random
+    }
+
+    /// Returns a number below `n`.
+    pub(super) fn below(&mut self, n: usize) -> usize {
+        self.0 ^= self.0 >> 12;
+        self.0 ^= self.0 << 25;
+        self.0 ^= self.0 >> 27;
+        (self.0.wrapping_mul(0x2545_f491_4f6c_dd1d) >> 33) as usize % n
+    }
+}
+
+/// How a process stands.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+enum Phase {
+    Runs,
+    /// Killed, and not yet unwound.
+    Dies,
+    Ended,
+}
+
+struct State {
+    random: Random,
+    disk: Disk,
+    boot: u32,
+    processes: Vec<Phase>,
+    turn: usize,
+    steps: usize,
+    /// The step at which power is cut, and one in how many steps kills or fails.
+    cut_at: usize,
+    kills: usize,
+    fails: usize,
+    /// Whether each process runs on a machine of its own, so that only life signs tell that it has ended.
+    of_machines: bool,
+    is_cut: bool,
+    planted: Option<Planted>,
+    holder: Option<usize>,
+    /// What must not be.
+    faults: Vec<String>,
+}
+
+/// Processes, disk and clock.
+pub(super) struct World {
+    state: Mutex<State>,
+    next: Condvar,
+}
+
+/// What a process does.
+pub(super) type Job<T> = Box<dyn FnOnce() -> T + Send>;
+
+/// The payload of a killed process.
+struct Killed;
+
+thread_local! {
+    static PROCESS: RefCell<Option<(Arc<World>, usize)>> = const { RefCell::new(None) };
+}
+
+fn process() -> Option<(Arc<World>, usize)> {
+    PROCESS.try_with(|process| process.borrow().clone()).ok().flatten()
+}
+
+/// Returns whether this thread is a simulated process.
+pub(super) fn is_active() -> bool {
+    process().is_some()
+}
+
+/// Returns the record of the simulated process.
+pub(super) fn here() -> Option<OutputRecord> {
+    let (world, me) = process()?;
+    let state = world.lock();
+    let [host, namespace] = ["moon", "n"].map(String::from);
+    let (machine, pid) = (if state.of_machines { me } else { 0 }, me as u32);
+    let boot = format!("boot {} of {machine}", state.boot);
+    Some(OutputRecord { host, boot, namespace, pid, process_start: Some(1), since_s: 0, is_renewed: true })
+}
+
+/// Returns the start of a process that runs.
+pub(super) fn start_of(pid: u32) -> Option<u64> {
+    let (world, _) = process()?;
+    let runs = world.lock().processes.get(pid as usize) == Some(&Phase::Runs);
+    runs.then_some(1)
+}
+
+/// Lets others go on first; then the step may be done, fails, or the process is killed in front of it.
+pub(super) fn before(step: Step, path: &Path) -> Result<()> {
+    let Some((world, me)) = process() else { return Ok(()) };
+    let mut state = world.lock();
+    if state.processes[me] == Phase::Dies {
+        return Err(Error::from(ErrorKind::Interrupted));
+    }
+    state.disk.look();
+    state.pass_on();
+    world.next.notify_all();
+    state = world.wait(state, me);
+    state.steps += 1;
+    if state.steps >= state.cut_at && !state.is_cut {
+        state.is_cut = true;
+        state.disk.cut();
+        state.boot += 1;
+    }
+    let kills = state.kills;
+    let is_killed = state.is_cut || kills > 0 && state.random.below(kills) == 0;
+    // Unwinding from there would leak the file that `inherit` returns, and with it the kernel's lock.
+    if is_killed && step != Step::EndSuccession {
+        state.kill(me);
+        drop(state);
+        resume_unwind(Box::new(Killed));
+    }
+    if state.of_machines && state.random.below(20) == 0 {
+        state.age();
+    }
+    let fails = state.fails;
+    if fails > 0 && state.random.below(fails) == 0 {
+        return Err(Error::from(ErrorKind::StorageFull));
+    }
+    match (step, state.planted) {
+        (Step::Sync, Some(Planted::NoSync)) | (Step::SyncFolder, Some(Planted::NoFolderSync)) => {}
+        (Step::Sync, _) => state.disk.sync(path),
+        (Step::SyncFolder, _) => state.disk.sync_names(),
+        // As if the name was taken by a rename that replaces.
+        (Step::Take, Some(Planted::CheckThenAct)) => _ = std::fs::remove_file(path),
+        _ => {}
+    }
+    Ok(())
+}
+
+impl State {
+    /// Chooses who goes on.
+    fn pass_on(&mut self) {
+        let running: Vec<usize> = (0..self.processes.len()).filter(|p| self.processes[*p] != Phase::Ended).collect();
+        if !running.is_empty() {
+            self.turn = running[self.random.below(running.len())];
+        }
+    }
+
+    /// Lets an hour go by, in which owners that run give life signs.
+    fn age(&self) {
+        let runs = |record: OutputRecord| self.processes.get(record.pid as usize) == Some(&Phase::Runs);
+        self.disk.age(|text| OutputRecord::parse(text).is_some_and(runs));
+    }
+
+    fn kill(&mut self, me: usize) {
+        self.processes[me] = Phase::Dies;
+        self.disk.remember();
+        self.holder = self.holder.filter(|holder| *holder != me);
+    }
+}
+
+impl World {
+    /// Makes a world on a new folder.
+    pub(super) fn new(seed: u64, planted: Option<Planted>) -> Arc<Self> {
+        let mut random = Random::new(seed);
+        let cut_at = if random.below(2) == 0 { 1 + random.below(150) } else { usize::MAX };
+        let (kills, fails) = ([0, 20, 60][random.below(3)], [0, 0, 50][random.below(3)]);
+        let (disk, processes, faults) = (Disk::new(Random::new(!seed)), Vec::new(), Vec::new());
+        let (of_machines, is_cut, holder) = (random.below(2) == 0, false, None);
+        let (boot, turn, steps) = (0, 0, 0);
+        let state = State {
+            random,
+            disk,
+            boot,
+            processes,
+            turn,
+            steps,
+            cut_at,
+            kills,
+            fails,
+            of_machines,
+            is_cut,
+            planted,
+            holder,
+            faults,
+        };
+        Arc::new(Self { state: Mutex::new(state), next: Condvar::new() })
+    }
+
+    fn lock(&self) -> MutexGuard<'_, State> {
+        self.state.lock().expect("no process panics with the state")
+    }
+
+    fn wait<'s>(&self, mut state: MutexGuard<'s, State>, me: usize) -> MutexGuard<'s, State> {
+        while state.turn != me {
+            state = self.next.wait(state).expect("no process panics with the state");
+        }
+        state
+    }
+
+    /// Runs processes until all have ended; returns what those gave that were not killed.
+    pub(super) fn run<T: Send + 'static>(self: &Arc<Self>, jobs: Vec<Job<T>>) -> Vec<T> {
+        let first = {
+            let mut state = self.lock();
+            let first = state.processes.len();
+            state.processes.extend(jobs.iter().map(|_| Phase::Runs));
+            state.pass_on();
+            first
+        };
+        std::thread::scope(|scope| {
+            let start = |(i, job): (usize, Job<T>)| scope.spawn(move || self.process(first + i, job));
+            let threads: Vec<_> = jobs.into_iter().enumerate().map(start).collect();
+            threads.into_iter().filter_map(|thread| thread.join().expect("a process that is only killed")).collect()
+        })
+    }
+
+    fn process<T>(self: &Arc<Self>, me: usize, job: Job<T>) -> Option<T> {
+        drop(self.wait(self.lock(), me));
+        PROCESS.set(Some((self.clone(), me)));
+        let done = catch_unwind(AssertUnwindSafe(job));
+        PROCESS.set(None);
+        let mut state = self.lock();
+        if state.processes[me] == Phase::Dies {
+            state.disk.put_back();
+        } else {
+            state.disk.look();
+        }
+        state.processes[me] = Phase::Ended;
+        state.pass_on();
+        self.next.notify_all();
+        drop(state);
+        match done {
+            Ok(value) => Some(value),
+            Err(why) if why.is::<Killed>() => None,
+            Err(why) => resume_unwind(why),
+        }
+    }
+}
