@@ -273,10 +273,10 @@ impl<const W: usize> Lanes for Words<W> {
     #[inline(always)]
     fn add(&mut self, from: &[u8]) {
         let Some(words) = from.as_chunks::<4>().0.first_chunk::<W>() else { return };
-        for k in 0..W {
-            let word = u32::from_le_bytes(words[k]);
-            self.even[k] = self.even[k].wrapping_add(word & EVEN);
-            self.odd[k] = self.odd[k].wrapping_add(word >> 8 & EVEN);
+        for ((even, odd), word) in self.even.iter_mut().zip(&mut self.odd).zip(words) {
+            let word = u32::from_le_bytes(*word);
+            *even = even.wrapping_add(word & EVEN);
+            *odd = odd.wrapping_add(word >> 8 & EVEN);
         }
     }
 
