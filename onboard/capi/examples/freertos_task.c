@@ -7,7 +7,7 @@
 #include "freertos_task.h"
 
 /* Words of stack: the bounds of library and C interface (onboard/docs/budgets.md, stack), the task's own frames, and a margin. */
-#define TERRAIN_STACK_WORDS (16384u / sizeof(StackType_t))
+#define TERRAIN_STACK_WORDS (24576u / sizeof(StackType_t))
 /* Low priority: the task computes when no other task needs the processor. */
 #define TERRAIN_PRIORITY (tskIDLE_PRIORITY + 1u)
 #define TERRAIN_PERIOD_MS 100u

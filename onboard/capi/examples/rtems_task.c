@@ -5,7 +5,7 @@
 #include <rtems.h>
 
 /* The library's bound (onboard/docs/budgets.md, stack, plus that of the C interface), the task's own frames, and a margin. */
-#define TERRAIN_STACK_BYTES (16u * 1024u)
+#define TERRAIN_STACK_BYTES (24u * 1024u)
 #define TERRAIN_PRIORITY 200u
 #define TERRAIN_PERIOD_MS 100u
 #define HOUSEKEEPING_CYCLES 50u

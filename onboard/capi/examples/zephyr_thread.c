@@ -4,7 +4,7 @@
 #include <zephyr/kernel.h>
 
 /* The bounds of library and C interface (onboard/docs/budgets.md, stack), the thread's own frames, and a margin. */
-#define TERRAIN_STACK_BYTES 16384
+#define TERRAIN_STACK_BYTES 24576
 /* Preemptible, and low: the thread computes when no other needs the processor. */
 #define TERRAIN_PRIORITY (CONFIG_NUM_PREEMPT_PRIORITIES - 1)
 #define TERRAIN_PERIOD_MS 100
