@@ -1,23 +1,33 @@
 #!/usr/bin/env bash
-# Builds what users install, and prints a table of sizes: build.sh [binary|deb|wheel|arm|container]... All of them without a word. What its tool is
+# Builds what users install, and prints a table of sizes: build.sh [binary|deb|wheel|arm_binary|arm|container]... All of them without a word. What its tool is
 # missing for is SKIPPED. The files lie in target/packages.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 target="${CARGO_TARGET_DIR:-$PWD/target}"
 out="$target/packages"
 musl=x86_64-unknown-linux-musl
+arm_musl=aarch64-unknown-linux-musl
+lean="-C force-unwind-tables=no"
 mkdir -p "$out"
 
 skip() { echo "SKIPPED: $1" >&2; }
 row() { printf "| %s | %s MB |\n" "$1" "$(awk "BEGIN { printf \"%.1f\", $(stat -c %s "$2") / 1e6 }")"; }
 
-# The static program, with packed models: no library of the system is needed.
+has_target() { [ -d "$(rustc --print sysroot)/lib/rustlib/$1" ]; }
+
+# The static program, with packed models: no library of the system is needed. LLVM's linker joins equal functions and packs relocations.
 binary() {
-    if ! command -v musl-gcc >/dev/null || [ ! -d "$(rustc --print sysroot)/lib/rustlib/$musl" ]; then
+    local lld=()
+    if ! command -v musl-gcc >/dev/null || ! has_target "$musl"; then
         skip "binary: no musl-gcc (Debian package musl-tools) or no target (rustup target add $musl)"
         return
     fi
-    cargo build --quiet --locked --profile small --package elunar --features packed --target "$musl"
+    if command -v ld.lld >/dev/null; then
+        lld=(-C link-arg=-fuse-ld=lld -C link-arg=-Wl,--icf=all -C link-arg=-Wl,--pack-dyn-relocs=relr)
+    else
+        echo "NOTE: binary: larger, as there is no ld.lld (Debian package lld)" >&2
+    fi
+    RUSTFLAGS="$lean" cargo rustc --quiet --locked --profile small --package elunar --bin elunar --features packed --target "$musl" -- "${lld[@]}"
     cp "$target/$musl/small/elunar" "$out/elunar"
     ! ldd "$out/elunar" 2>/dev/null | grep -q '=>' || { echo "ERROR: a static program expected" >&2; exit 1; }
     (cd "$out" && tar czf "elunar-$musl.tar.gz" elunar)
@@ -44,10 +54,36 @@ wheel() {
     row "Python wheel, x86-64" "$(ls "$out"/*x86_64.whl)"
 }
 
-# Zig is the linker, and the C compiler of zstd.
+# Zig is the linker, and the C compiler of ring and zstd.
+zig() { python3 -c "import ziglang" 2>/dev/null; }
+
+# The static program for aarch64. If QEMU is here, its DTM must have the bytes of that for x86-64.
+arm_binary() {
+    if ! zig || ! cargo zigbuild --version >/dev/null 2>&1 || ! has_target "$arm_musl"; then
+        skip "arm_binary: no zig (pip install cargo-zigbuild ziglang) or no target (rustup target add $arm_musl)"
+        return
+    fi
+    RUSTFLAGS="$lean" cargo zigbuild --quiet --locked --profile small --package elunar --features packed --target "$arm_musl"
+    cp "$target/$arm_musl/small/elunar" "$out/elunar-aarch64"
+    row "static binary, aarch64" "$out/elunar-aarch64"
+    command -v qemu-aarch64-static >/dev/null || { skip "arm_binary: not run: no qemu-aarch64-static (Debian package qemu-user-static)"; return; }
+    [ -x "$out/elunar" ] || binary
+    local folder program
+    folder="$(mktemp -d)"
+    "$out/elunar" synth --out "$folder/s" --rows 300 --cols 400 >/dev/null
+    for program in "$out/elunar" "qemu-aarch64-static $out/elunar-aarch64"; do
+        $program predict --image "$folder/s/scene_0000_image.tif" --coarse "$folder/s/scene_0000_coarse.tif" --model ground \
+            -o "$folder/dtm.tif" >/dev/null
+        sha256sum <"$folder/dtm.tif" >>"$folder/sums"
+        rm "$folder"/dtm*
+    done
+    [ "$(sort -u "$folder/sums" | wc -l)" = 1 ] || { echo "ERROR: the DTMs of x86-64 and aarch64 differ" >&2; exit 1; }
+    rm -r "$folder"
+}
+
 arm() {
     local gnu=aarch64-unknown-linux-gnu
-    if ! python3 -c "import ziglang" 2>/dev/null || [ ! -d "$(rustc --print sysroot)/lib/rustlib/$gnu" ]; then
+    if ! zig || ! has_target "$gnu"; then
         skip "arm: no zig (pip install maturin ziglang) or no target (rustup target add $gnu)"
         return
     fi
@@ -66,6 +102,6 @@ container() {
     row "container image" "$out/elunar-image.tar"
 }
 
-[ $# -gt 0 ] || set -- binary deb wheel arm container
+[ $# -gt 0 ] || set -- binary deb wheel arm_binary arm container
 printf '| package | size |\n|---|---|\n'
 for one in "$@"; do "$one"; done

@@ -202,6 +202,18 @@ fn say(panic: &PanicHookInfo<'_>) {
         }
         (code, None) => PANICKED.store(code, Ordering::SeqCst),
     }
+    #[cfg(all(panic = "abort", unix))]
+    end();
+}
+
+/// Ends the static program, which does not unwind, as [`finish`] ends the others.
+#[cfg(all(panic = "abort", unix))]
+fn end() -> ! {
+    let code = PANICKED.load(Ordering::SeqCst);
+    if JSON.load(Ordering::Relaxed) {
+        print_object(object(code, &SAID.lock().unwrap_or_else(PoisonError::into_inner)));
+    }
+    std::process::exit(code.into())
 }
 
 /// Returns the exit code of a panic with this text, and what to say.
