@@ -38,6 +38,7 @@ mod tests {
             // Twin in i128: floor((2*acc*m + 2^s) / 2^(s+1)).
             let exact = (2 * acc as i128 * m as i128 + (1i128 << s)).div_euclid(1i128 << (s + 1));
             prop_assert_eq!(round_shift(acc as i64 * m as i64, s) as i128, exact);
+            prop_assert_eq!(requantise(acc, m, s, 7, -128, 255) as i128, (exact + 7).clamp(-128, 255));
         }
 
         #[test]

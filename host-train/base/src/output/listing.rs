@@ -5,7 +5,7 @@
 
 use super::step::{Step, before};
 use super::target::{check_regular, check_target, kind_of};
-use super::whole::{UNFINISHED, atomic_write};
+use super::whole::{UNFINISHED, atomic_write, sync_folder};
 use crate::{Error, Result, read};
 use std::collections::BTreeSet;
 use std::fs::Metadata;
@@ -112,7 +112,12 @@ impl Listing {
             .chain(self.names.iter().map(String::as_str))
             .fold(String::new(), |text, line| text + line + "\n");
         let is_known = there(&self.path)?.is_some() && read::text(&self.path, read::MOST_BYTES)? == text;
-        if self.names.is_empty() || is_known { Ok(()) } else { atomic_write(&self.path, text.as_bytes()) }
+        match self.names.is_empty() {
+            true => Ok(()),
+            // Who wrote it may have been killed before its name was on disk.
+            false if is_known => sync_folder(&self.path).map_err(Error::io(&self.path)),
+            false => atomic_write(&self.path, text.as_bytes()),
+        }
     }
 
     /// Removes a file, or a folder with all that the list names in it. What the list does not name stays.

@@ -64,7 +64,7 @@ impl Staged {
 }
 
 /// Waits until the names in the folder of `path` are on disk: otherwise a power cut may undo a rename. Not all systems can.
-fn sync_folder(path: &Path) -> std::io::Result<()> {
+pub(super) fn sync_folder(path: &Path) -> std::io::Result<()> {
     use std::io::ErrorKind::{InvalidInput, PermissionDenied, Unsupported};
     before(Step::SyncFolder, path)?;
     if !cfg!(unix) {

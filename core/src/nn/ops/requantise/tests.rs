@@ -179,7 +179,7 @@ fn many_sums_of_every_channel_give_the_specified_codes() {
 #[ignore = "takes minutes; prints the lines of tests/campaigns/roundings.csv"]
 fn every_sum_of_every_channel_gives_the_specified_code() {
     let step = std::env::var("ELUNAR_SUMS_STEP").ok().map_or(1, |text| text.parse().expect("a number"));
-    println!("model,kernel,channels,sums,largest,differences");
+    println!("model,kernel,step,channels,sums,largest,differences");
     let only = std::env::var("ELUNAR_SUMS_MODEL").unwrap_or_default();
     for (name, file) in models(&["../host-train/models/nano.eld", "../host-train/models/ground.eld"]) {
         if !name.contains(&only) {
@@ -188,7 +188,7 @@ fn every_sum_of_every_channel_gives_the_specified_code() {
         let tried = try_model(&Model::new(&file).unwrap(), step);
         let name = name.rsplit('/').next().unwrap_or_default();
         for ((form, _), differences) in forms().iter().zip(&tried.differences) {
-            println!("{name},{form},{},{},{},{differences}", tried.channels, tried.sums, tried.largest);
+            println!("{name},{form},{step},{},{},{},{differences}", tried.channels, tried.sums, tried.largest);
         }
         assert!(tried.differences.iter().all(|count| *count == 0), "{name}: {:?}", tried.differences);
     }
