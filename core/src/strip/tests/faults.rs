@@ -78,7 +78,7 @@ fn a_tile_that_finds_the_model_changed_is_begun_again() {
     let expected = scene.heights_m(&file, &settings(COLS, 40));
     // Changed in the middle of a tile, and repaired before the tile begins again.
     let mut hits = 0;
-    for at in (0..).map(|i| 5 * i).take(80) {
+    for at in (0..).map(|i| 8 * i).take(80) {
         let mut was = None;
         let spoilt = constant(&file);
         let mended = file[spoilt];
@@ -87,7 +87,7 @@ fn a_tile_that_finds_the_model_changed_is_begun_again() {
                 bytes[spoilt] ^= 0x10;
                 was = Some(steps);
             }
-            Some(then) if steps > then + 24 => bytes[spoilt] = mended,
+            Some(then) if steps > then + 40 => bytes[spoilt] = mended,
             _ => (),
         });
         hits += counters.tiles_again;
