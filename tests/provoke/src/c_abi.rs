@@ -214,10 +214,21 @@ impl Slot {
 
     fn init(&mut self, bytes: usize, shift: usize) -> eld_status_t {
         let memory = self.memory[GUARD..].as_mut_ptr().wrapping_byte_add(shift);
+        let (model, len) = (self.model.as_ptr().cast(), self.model.len());
         // SAFETY: within memory of the test, or refused.
         unsafe {
-            let (model, len) = (self.model.as_ptr().cast(), self.model.len());
-            ffi::eld_init(memory.cast(), bytes, model, len, &raw mut self.handle)
+            if self.info.header_crc.is_multiple_of(2) {
+                return ffi::eld_init(memory.cast(), bytes, model, len, &raw mut self.handle);
+            }
+            let (mut check, mut status) = (eld_check_t::default(), ELD_RUNNING);
+            while status == ELD_RUNNING {
+                status = ffi::eld_model_check_step(model, len, 10_000, &raw mut check, &raw mut self.info);
+            }
+            if status != ELD_OK {
+                self.handle = null_mut();
+                return status;
+            }
+            ffi::eld_init_checked(memory.cast(), bytes, model, len, &raw const check, &raw mut self.handle)
         }
     }
 
@@ -520,6 +531,26 @@ impl Play<'_> {
         status
     }
 
+    /// Calls without a context.
+    fn alone(&mut self, slot: &Slot) {
+        let len = self.reader.word() as usize % (slot.model.len() + 1);
+        let mut sums = [0u32; 2];
+        let mut sun = eld_sun_t { struct_bytes: size_of::<eld_sun_t>() as u32, ..Default::default() };
+        let mut within = |most: f64| f64::from(self.reader.word() as i32) / f64::from(i32::MAX) * most;
+        let (days, lat, lon) = (within(40_000.0), within(100.0), within(400.0));
+        for sum in &mut sums {
+            // SAFETY: a model and a number of the test.
+            self.count(unsafe { ffi::eld_code_sum(slot.model.as_ptr().cast(), len, sum) });
+        }
+        assert_eq!(sums[0], sums[1]);
+        // SAFETY: a structure of the test.
+        let status = unsafe { ffi::eld_sun_position(days, lat, lon, &raw mut sun) };
+        self.count(status);
+        let stands = (0.0..=360.0).contains(&sun.azimuth_deg) && (-90.0..=90.0).contains(&sun.elevation_deg);
+        assert!(if worked(status) { stands } else { sun.azimuth_deg == 0.0 }, "{days} {lat} {lon}: {sun:?}");
+        assert!(!worked(status) || lat.abs() <= 90.0);
+    }
+
     /// Calls with invalid pointers.
     fn nothing_there(&mut self, slot: Slot) -> Option<Slot> {
         let (px, handle) =
@@ -555,6 +586,7 @@ impl Play<'_> {
             self.count(status);
             assert!(number == 13 || !worked(status), "call {number}: {:?}", text(status));
         }
+        self.alone(&slot);
         slot.guarded();
         Some(slot)
     }
