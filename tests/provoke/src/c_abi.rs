@@ -4,6 +4,7 @@
 //! the header's rules says which statuses are possible.
 #![allow(unsafe_code)] // C functions
 
+mod alone;
 mod errors;
 mod light;
 
@@ -529,66 +530,6 @@ impl Play<'_> {
         }
         self.errors(slot);
         status
-    }
-
-    /// Calls without a context.
-    fn alone(&mut self, slot: &Slot) {
-        let len = self.reader.word() as usize % (slot.model.len() + 1);
-        let mut sums = [0u32; 2];
-        let mut sun = eld_sun_t { struct_bytes: size_of::<eld_sun_t>() as u32, ..Default::default() };
-        let mut within = |most: f64| f64::from(self.reader.word() as i32) / f64::from(i32::MAX) * most;
-        let (days, lat, lon) = (within(40_000.0), within(100.0), within(400.0));
-        for sum in &mut sums {
-            // SAFETY: a model and a number of the test.
-            self.count(unsafe { ffi::eld_code_sum(slot.model.as_ptr().cast(), len, sum) });
-        }
-        assert_eq!(sums[0], sums[1]);
-        // SAFETY: a structure of the test.
-        let status = unsafe { ffi::eld_sun_position(days, lat, lon, &raw mut sun) };
-        self.count(status);
-        let stands = (0.0..=360.0).contains(&sun.azimuth_deg) && (-90.0..=90.0).contains(&sun.elevation_deg);
-        assert!(if worked(status) { stands } else { sun.azimuth_deg == 0.0 }, "{days} {lat} {lon}: {sun:?}");
-        assert!(!worked(status) || lat.abs() <= 90.0);
-    }
-
-    /// Calls with invalid pointers.
-    fn nothing_there(&mut self, slot: Slot) -> Option<Slot> {
-        let (px, handle) =
-            (slot.shape().0 * slot.shape().1, slot.handle.wrapping_byte_add(self.reader.byte() as usize % 8));
-        let mut short = vec![0f32; px];
-        let len = self.reader.size(2 * px);
-        // SAFETY: errors are refused before memory is used; every correct length has its buffer.
-        let statuses = unsafe {
-            [
-                ffi::eld_begin(null_mut(), null()),
-                ffi::eld_begin(slot.handle, null()),
-                ffi::eld_begin_step(null_mut(), null(), 1),
-                ffi::eld_begin_step(slot.handle, null(), 1),
-                ffi::eld_abort(null_mut()),
-                ffi::eld_step(null_mut(), 1),
-                ffi::eld_output(slot.handle, null_mut(), len, null_mut(), len),
-                ffi::eld_output(handle, short.as_mut_ptr(), if len == px { 0 } else { len }, null_mut(), 0),
-                ffi::eld_init(null_mut(), len, null(), len, null_mut()),
-                ffi::eld_telemetry(slot.handle, null_mut()),
-                ffi::eld_errors(slot.handle, null_mut()),
-                ffi::eld_error_maps(null_mut(), short.as_mut_ptr(), null_mut(), null_mut(), px),
-                ffi::eld_error_maps(
-                    handle,
-                    short.as_mut_ptr(),
-                    null_mut(),
-                    null_mut(),
-                    if len == px { 0 } else { len },
-                ),
-                ffi::eld_kernel_name(short.as_mut_ptr().cast(), len.min(4 * px)),
-            ]
-        };
-        for (number, status) in statuses.into_iter().enumerate() {
-            self.count(status);
-            assert!(number == 13 || !worked(status), "call {number}: {:?}", text(status));
-        }
-        self.alone(&slot);
-        slot.guarded();
-        Some(slot)
     }
 
     /// Flips bits.
