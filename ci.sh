@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # The steps: each is a function below.
-everything=(format lint supply book test python page no_std boards branches checked asan miri backends vulkan cluster)
+everything=(format lint supply book test python page no_std checked asan branches boards miri backends vulkan cluster)
 on_request=(architecture order fuzz no_panic coverage) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"

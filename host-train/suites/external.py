@@ -230,8 +230,49 @@ def real(folder, out):
     write(out, "real", about, scenes)
     told = [scene | {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else scene for scene in scenes]
     write(out, "real-azimuth", about.replace("the Sun is not told", "the azimuth is told where there is one, fitted to the truth"), told)
+    erring(out, scenes)
     unrelated(out, scenes)
     variants(out, scenes)
+
+
+# Errors of a coarse DTM in metres where its pixel has 59 m, as SLDEM2015 has them (`host-train/synth/src/coarse.rs`): long waves, and tracks with a
+# step. Greatest misregistration in pixels.
+SLDEM_PIXEL_M, LONG_WAVES_M, STRIPES_M, MISREGISTRATION_PX = 59.2, 2.6, 1.5, 0.25
+
+
+def sldem_errors(shape, random):
+    """A map of errors for a coarse DTM of this shape, for pixels of 59 m."""
+    rows, cols = np.indices(shape)
+    errors = np.zeros(shape)
+    for _ in range(24):
+        wave_px = 13.5 * (84.4 / 13.5) ** random.random()
+        angle, phase = 2 * np.pi * random.random(2)
+        along = rows * np.sin(angle) + cols * np.cos(angle)
+        errors += LONG_WAVES_M * np.sqrt(2 / 24) * random.standard_normal() * np.cos(2 * np.pi * along / wave_px + phase)
+    lean = 0.15 * (2 * random.random() - 1)
+    number = (cols + lean * rows + max(0, -lean) * shape[0]).astype(int)
+    off = random.random(number.max() + 1) < 0.3
+    errors += STRIPES_M * np.sqrt(0.5 / 0.3) * (off * random.standard_normal(off.size))[number]
+    angle, (row, col) = 2 * np.pi * random.random(), (0.25 + 0.5 * random.random(2)) * shape
+    side = np.sign((rows - row) * np.sin(angle) + (cols - col) * np.cos(angle))
+    return errors + STRIPES_M * np.sqrt(0.5) * random.standard_normal() * side
+
+
+def erring(out, real):
+    """The real scenes with coarse DTMs that have errors of SLDEM2015's kind, in proportion to their pixels."""
+    out, scenes = out.resolve(), []
+    for seed, scene in enumerate(real):
+        random = np.random.default_rng(seed)
+        with rasterio.open(scene["coarse"]) as file:
+            coarse, place, crs = file.read(1).astype("f8"), file.transform, file.crs
+        coarse += sldem_errors(coarse.shape, random) * abs(place.a) / SLDEM_PIXEL_M
+        far, angle = MISREGISTRATION_PX * np.sqrt(random.random()), 2 * np.pi * random.random()
+        moved = place * rasterio.Affine.translation(far * np.cos(angle), far * np.sin(angle))
+        scenes.append({**scene, "coarse": save(out / f"{scene['name']}-erring_coarse.tif", coarse, moved, crs)})
+    about = (f"The real scenes; their coarse DTMs have errors of {LONG_WAVES_M} m in waves of 13.5 to 84.4 pixels and of {STRIPES_M} m in tracks "
+             f"and a step, for pixels of 59 m and in proportion for others, and are misregistered by up to {MISREGISTRATION_PX} pixels. Seeds: "
+             "numbers of the scenes. The Sun is not told.")
+    write(out, "real-erring", about, scenes)
 
 
 def maps_of(scene):
