@@ -23,12 +23,24 @@ pub(super) enum Step {
     SyncFolder,
 }
 
+/// Asks the test that the thread is in.
+#[cfg(all(test, unix))]
+pub(super) fn before(step: Step, path: &std::path::Path) -> std::io::Result<()> {
+    ASKED.get().map_or(Ok(()), |asked| asked(step, path))
+}
+
+/// What says whether a step may be done.
+#[cfg(all(test, unix))]
+pub(super) type Asked = fn(Step, &std::path::Path) -> std::io::Result<()>;
+
+#[cfg(all(test, unix))]
+thread_local! {
+    pub(super) static ASKED: std::cell::Cell<Option<Asked>> = const { std::cell::Cell::new(None) };
+}
+
 /// Does nothing outside tests.
 #[cfg(not(all(test, unix)))]
 #[inline]
 pub(super) fn before(_: Step, _: &std::path::Path) -> std::io::Result<()> {
     Ok(())
 }
-
-#[cfg(all(test, unix))]
-pub(super) use super::simulated::before;

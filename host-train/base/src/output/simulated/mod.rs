@@ -8,7 +8,7 @@ mod disk;
 mod processes;
 
 use super::record::OutputRecord;
-use super::step::Step;
+use super::step::{ASKED, Step};
 use disk::Disk;
 use std::cell::RefCell;
 use std::io::{Error, ErrorKind, Result};
@@ -120,7 +120,7 @@ pub(super) fn start_of(pid: u32) -> Option<u64> {
 }
 
 /// Lets others go on first; then the step may be done, fails, or the process is killed in front of it.
-pub(super) fn before(step: Step, path: &Path) -> Result<()> {
+fn before(step: Step, path: &Path) -> Result<()> {
     let Some((world, me)) = process() else { return Ok(()) };
     let mut state = world.lock();
     if state.processes[me] == Phase::Dies {
@@ -242,7 +242,9 @@ impl World {
     fn process<T>(self: &Arc<Self>, me: usize, job: Job<T>) -> Option<T> {
         drop(self.wait(self.lock(), me));
         PROCESS.set(Some((self.clone(), me)));
+        ASKED.set(Some(before));
         let done = catch_unwind(AssertUnwindSafe(job));
+        ASKED.set(None);
         PROCESS.set(None);
         let mut state = self.lock();
         if state.processes[me] == Phase::Dies {
