@@ -44,14 +44,14 @@ struct Times {
 
 impl<'a, 'm> Stepper<'a, 'm> {
     fn new(model: Model<'a>, arena: &'m mut [u8]) -> Self {
-        let entry_macs = |index: usize| {
+        let entry_work = |index: usize| {
             let entry = model.entry(index)?;
             let operator = model.operator(entry.operator).expect("a schedule names operators that exist");
             let step =
-                |step| (0..model.units(&operator)).map(|unit| model.unit_macs(&operator, step, unit)).sum::<u64>();
+                |step| (0..model.units(&operator)).map(|unit| model.unit_work(&operator, step, unit)).sum::<u64>();
             Some((entry.operator, (entry.first..entry.first + entry.count).map(step).sum()))
         };
-        let entries = (0..).map_while(entry_macs).collect();
+        let entries = (0..).map_while(entry_work).collect();
         let Shape { rows, cols } = model.tile();
         let (image, coarse) = tile(rows, cols, model.image_maps());
         let runner = Runner::new(model, arena).expect("the arena is as large as the model says");
@@ -62,9 +62,9 @@ impl<'a, 'm> Stepper<'a, 'm> {
     fn tile(&mut self) -> Times {
         let mut times = Times { operators: vec![0.0; self.model.operator_count()], begin: 0.0, output: 0.0 };
         times.begin = seconds(|| self.runner.begin(&self.image, &self.coarse).expect("the tile has the right size"));
-        for (index, &(operator, macs)) in self.entries.iter().enumerate() {
+        for (index, &(operator, work)) in self.entries.iter().enumerate() {
             times.operators[operator] += seconds(|| {
-                self.runner.step(macs).expect("a tile was begun");
+                self.runner.step(work).expect("a tile was begun");
             });
             assert_eq!(self.runner.position(), Some(index + 1), "a budget of one entry runs one entry");
         }

@@ -5,7 +5,7 @@ mod common;
 use common::{elunar, scene};
 use elunar_raster::geotiff::{WriteOptions, read, read_item, write};
 use elunar_raster::{Crs, GeoRef, Raster};
-use elunar_testing::server::{Answer, FileServer};
+use elunar_testing::server::{FileAnswer, FileServer};
 use std::path::Path;
 
 /// Predicts `dtm.tif` with what it says on stderr and stdout; `more` are further words.
@@ -65,7 +65,7 @@ fn a_file_that_changes_ends_the_run_and_a_missing_one_is_bad_input() {
     scene(at);
     large(at);
     let content = std::fs::read(at.join("large.tif")).unwrap();
-    let code = |manners: fn(usize, &mut Answer)| {
+    let code = |manners: fn(usize, &mut FileAnswer)| {
         let server = FileServer::start(content.clone(), manners);
         let coarse = server.url("large.tif");
         let words = ["predict", "--image", "image.tif", "--coarse", &coarse, "--model", "nano", "-o", "dtm.tif"];

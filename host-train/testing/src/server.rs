@@ -9,7 +9,7 @@ use std::time::Duration;
 
 /// An answer, before it is sent. A test may change it.
 #[derive(Debug, Clone)]
-pub struct Answer {
+pub struct FileAnswer {
     /// Status line, without the version: `206 Partial Content`.
     pub status: String,
     /// Header lines by name. `Content-Length` is added unless there is one.
@@ -22,7 +22,7 @@ pub struct Answer {
     pub wait: Duration,
 }
 
-impl Answer {
+impl FileAnswer {
     /// Replaces a header, or removes it.
     pub fn set(&mut self, name: &str, value: Option<&str>) {
         self.headers.retain(|(known, _)| known != name);
@@ -43,7 +43,7 @@ impl FileServer {
     ///
     /// # Panics
     /// If the machine has no free port.
-    pub fn start(content: Vec<u8>, manners: impl Fn(usize, &mut Answer) + Send + Sync + 'static) -> Self {
+    pub fn start(content: Vec<u8>, manners: impl Fn(usize, &mut FileAnswer) + Send + Sync + 'static) -> Self {
         let listener = TcpListener::bind("127.0.0.1:0").expect("a free port");
         let server =
             Self { address: listener.local_addr().expect("bound"), asked: Arc::default(), ends: Arc::default() };
@@ -91,7 +91,7 @@ fn serve(
     stream: &TcpStream,
     content: &[u8],
     asked: &Mutex<Vec<Range<usize>>>,
-    manners: &(impl Fn(usize, &mut Answer) + ?Sized),
+    manners: &(impl Fn(usize, &mut FileAnswer) + ?Sized),
 ) -> Option<()> {
     let (mut reader, mut writer) = (BufReader::new(stream), stream);
     loop {
@@ -133,7 +133,7 @@ fn serve(
 }
 
 /// Returns the answer of a server as it should be.
-fn answer(content: &[u8], range: &Range<usize>) -> Answer {
+fn answer(content: &[u8], range: &Range<usize>) -> FileAnswer {
     let body = content.get(range.clone()).unwrap_or_default().to_vec();
     let (first, last, all) = (range.start, range.end.saturating_sub(1), content.len());
     let headers = [
@@ -144,5 +144,5 @@ fn answer(content: &[u8], range: &Range<usize>) -> Answer {
     ];
     let headers = headers.into_iter().map(|(name, value)| (name.to_string(), value)).collect();
     let (status, cut, wait) = ("206 Partial Content".into(), None, Duration::ZERO);
-    Answer { status, headers, body, cut, wait }
+    FileAnswer { status, headers, body, cut, wait }
 }

@@ -246,6 +246,12 @@ impl<'a> Model<'a> {
         self.prepared(operator).unit_macs(step, unit)
     }
 
+    /// Work of one unit of one step, without the bytes that are compared or summed: what it takes of the budget of
+    /// [`Runner::step`](super::Runner::step), in multiply-accumulates.
+    pub fn unit_work(&self, operator: &Operator, step: usize, unit: usize) -> u64 {
+        self.prepared(operator).unit_work(step, unit)
+    }
+
     /// Returns a bound of the work of a unit, in multiply-accumulates and bytes that are compared or summed: a call of
     /// [`Runner::step`](super::Runner::step) exceeds its budget by less than this.
     pub fn largest_unit(&self) -> u64 {

@@ -2,6 +2,7 @@
 
 use elunar_base::quantile::quantile;
 use elunar_base::{Error, Result};
+use elunar_core::nn::file::Operator;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, required};
 use serde::Serialize;
 use std::time::Instant;
@@ -22,11 +23,15 @@ pub struct Times {
 
 /// Returns the multiply-accumulates of an entry of the schedule.
 pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
+    over_units(model, index, Model::unit_macs)
+}
+
+/// Adds up a figure of the units of an entry.
+fn over_units<'m>(model: &Model<'m>, index: usize, of: fn(&Model<'m>, &Operator, usize, usize) -> u64) -> u64 {
     let Some(entry) = model.entry(index) else { return 0 };
     let Some(operator) = model.operator(entry.operator) else { return 0 };
     let steps = entry.first..entry.first + entry.count;
-    let of = |step| (0..model.units(&operator)).map(|unit| model.unit_macs(&operator, step, unit)).sum::<u64>();
-    steps.map(of).sum()
+    steps.map(|step| (0..model.units(&operator)).map(|unit| of(model, &operator, step, unit)).sum::<u64>()).sum()
 }
 
 /// Runs `tiles` tiles, after one tile that is not measured.
@@ -35,7 +40,7 @@ pub(super) fn entry_macs(model: &Model<'_>, index: usize) -> u64 {
 /// [`Error::Input`] if the self test fails.
 pub fn measure(kernel: Kernel, model: Model<'_>, tiles: usize) -> Result<Times> {
     let fault = |e: RunError| Error::input(format!("inspect: {e}"));
-    let budgets: Vec<u64> = (0..model.entry_count()).map(|index| entry_macs(&model, index)).collect();
+    let budgets: Vec<u64> = (0..model.entry_count()).map(|index| over_units(&model, index, Model::unit_work)).collect();
     let mut arena = vec![0; required(&model)];
     let mut runner = Runner::with_kernel(kernel, model, &mut arena).map_err(fault)?;
     let mut measured = vec![Vec::with_capacity(tiles); model.operator_count()];

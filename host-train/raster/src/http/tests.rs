@@ -6,7 +6,7 @@ use crate::geotiff::{SampleType, WriteOptions, write};
 use crate::{Raster, source};
 use elunar_base::Error;
 use elunar_core::tile::Window;
-use elunar_testing::server::{Answer, FileServer};
+use elunar_testing::server::{FileAnswer, FileServer};
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -70,7 +70,7 @@ fn readers_share_one_version_as_long_as_one_is_left() {
 }
 
 /// Reads a file of five blocks from a server with these manners. Returns the error of opening or reading.
-fn told(manners: impl Fn(usize, &mut Answer) + Send + Sync + 'static) -> Result<usize, Error> {
+fn told(manners: impl Fn(usize, &mut FileAnswer) + Send + Sync + 'static) -> Result<usize, Error> {
     let content: Vec<u8> = (0..5 * BLOCK_BYTES).map(|i| (i / 7) as u8).collect();
     let server = FileServer::start(content.clone(), manners);
     let path = PathBuf::from(server.url("b/a.tif?x=1"));
@@ -92,7 +92,7 @@ fn good_servers_of_all_kinds_serve() {
     assert_eq!(told(|_, _| {}).unwrap(), 3, "blocks 0, 1 and 2, 3 and 4");
     assert_eq!(told(|_, answer| answer.set("ETag", None)).unwrap(), 3);
     assert_eq!(told(|_, answer| answer.set("ETag", Some("W/\"weak\""))).unwrap(), 3);
-    let redirects = |number, answer: &mut Answer| {
+    let redirects = |number, answer: &mut FileAnswer| {
         if number % 2 == 0 {
             answer.status = "302 Found".into();
             answer.set("Location", Some("/c.tif"));
@@ -103,15 +103,15 @@ fn good_servers_of_all_kinds_serve() {
 
 #[test]
 fn what_may_pass_is_asked_for_again() {
-    let cut = |number: usize, answer: &mut Answer| answer.cut = (number % 2 == 1).then_some(1000);
+    let cut = |number: usize, answer: &mut FileAnswer| answer.cut = (number % 2 == 1).then_some(1000);
     assert_eq!(told(cut).unwrap(), 5);
-    let busy = |number: usize, answer: &mut Answer| {
+    let busy = |number: usize, answer: &mut FileAnswer| {
         if !number.is_multiple_of(3) {
             (answer.status, answer.body) = ("503 Service Unavailable".into(), b"busy".to_vec());
         }
     };
     assert_eq!(told(busy).unwrap(), 7);
-    let slow = |number: usize, answer: &mut Answer| {
+    let slow = |number: usize, answer: &mut FileAnswer| {
         answer.wait = Duration::from_millis(if number == 1 { 900 } else { 0 });
     };
     assert_eq!(told(slow).unwrap(), 4);
@@ -119,11 +119,11 @@ fn what_may_pass_is_asked_for_again() {
 
 #[test]
 fn bad_servers_are_one_line() {
-    let line = |manners: fn(usize, &mut Answer), expected: &str| {
+    let line = |manners: fn(usize, &mut FileAnswer), expected: &str| {
         let text = told(manners).expect_err("refused").to_string();
         assert!(text.starts_with("http://127.0.0.1:") && text.contains(expected) && !text.contains('\n'), "{text}");
     };
-    let always_cut = |_: usize, answer: &mut Answer| answer.cut = Some(10);
+    let always_cut = |_: usize, answer: &mut FileAnswer| answer.cut = Some(10);
     line(always_cut, "(asked 3 times)");
     line(|_, answer| answer.wait = Duration::from_millis(900), "(asked 3 times)");
     line(
@@ -140,12 +140,12 @@ fn bad_servers_are_one_line() {
         "bytes 0..65536 expected from the server, found 1..65537",
     );
     line(|_, answer| answer.set("Content-Encoding", Some("gzip")), "encoded");
-    let neither = |_: usize, answer: &mut Answer| {
+    let neither = |_: usize, answer: &mut FileAnswer| {
         answer.set("ETag", Some("W/\"a\""));
         answer.set("Last-Modified", None);
     };
     line(neither, "a strong ETag or Last-Modified expected from the server, found neither; this fetches it: curl");
-    let longer = |number: usize, answer: &mut Answer| {
+    let longer = |number: usize, answer: &mut FileAnswer| {
         if number > 0 {
             answer.set("Content-Range", Some("bytes 65536-196607/327681"));
         }
@@ -155,7 +155,7 @@ fn bad_servers_are_one_line() {
         |number, answer| answer.set("ETag", Some(&format!("\"{number}\""))),
         "ETag \"0\" expected, found 327680 bytes, ETag \"1\"",
     );
-    let later = |number: usize, answer: &mut Answer| answer.set("Last-Modified", Some(&format!("day {number}")));
+    let later = |number: usize, answer: &mut FileAnswer| answer.set("Last-Modified", Some(&format!("day {number}")));
     line(later, "the file changed while it was read");
     line(
         |_, answer| {
