@@ -35,7 +35,8 @@ lint() {
     onboard/capi/misra.py          # what MISRA C finds in the C code is listed with its reasons
 }
 
-# What can be published: the packages of elunar-raster, on its own. What is built in: bills of materials, licences, sources, duplicates, and known faults where the database can be had.
+# Whether elunar-raster can be published, with the packages that it stands on. What is built in: bills of materials, licences, sources,
+# duplicates, and known faults where the database can be had.
 supply() {
     cargo package --quiet --locked --no-verify --allow-dirty --package elunar-core --package elunar-base --package elunar-raster
     onboard/flight/sbom.py "$target/sbom"

@@ -120,7 +120,7 @@ pub(super) struct PatchRow {
 }
 
 impl PatchRow {
-    /// Adds the products of the sum of the patches.
+    /// Adds the products of the sum of the patches. `sums` is scratch memory.
     #[inline(always)]
     pub(super) fn add_products<I: Isa>(
         &self,
