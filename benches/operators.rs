@@ -2,8 +2,8 @@
 //!
 //! `cargo bench -p elunar-benches --bench operators`
 //!
-//! The runner's schedule makes a few rows of one operator at a time. A budget of exactly the multiply-accumulates of an entry runs
-//! that entry and no more, so the clock is read twice per entry: some ten nanoseconds beside tens of microseconds.
+//! The runner's schedule makes a few rows of one operator at a time. The clock is read before and after every entry, which runs by single
+//! units of work: some ten nanoseconds beside tens of microseconds.
 
 #![allow(missing_docs)] // criterion's macros make undocumented functions
 
@@ -13,7 +13,7 @@ use elunar_benches::peak;
 use elunar_benches::samples::{Timings, measure, seconds};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::file::Operator;
-use elunar_core::nn::{Model, Runner, required};
+use elunar_core::nn::{Model, Progress, Runner, required};
 use elunar_core::tile::Shape;
 use elunar_net::config::Preset;
 use std::collections::BTreeMap;
@@ -28,8 +28,8 @@ const SMALLEST_SHARE: f64 = 0.02;
 struct Stepper<'a, 'm> {
     runner: Runner<'a, 'm>,
     model: Model<'a>,
-    /// Operator and multiply-accumulates of every entry of the schedule.
-    entries: Vec<(usize, u64)>,
+    /// Operator of every entry of the schedule.
+    entries: Vec<usize>,
     image: Vec<f32>,
     coarse: Vec<f32>,
     output: Vec<f32>,
@@ -44,14 +44,7 @@ struct Times {
 
 impl<'a, 'm> Stepper<'a, 'm> {
     fn new(model: Model<'a>, arena: &'m mut [u8]) -> Self {
-        let entry_work = |index: usize| {
-            let entry = model.entry(index)?;
-            let operator = model.operator(entry.operator).expect("a schedule names operators that exist");
-            let step =
-                |step| (0..model.units(&operator)).map(|unit| model.unit_work(&operator, step, unit)).sum::<u64>();
-            Some((entry.operator, (entry.first..entry.first + entry.count).map(step).sum()))
-        };
-        let entries = (0..).map_while(entry_work).collect();
+        let entries = (0..).map_while(|index| Some(model.entry(index)?.operator)).collect();
         let Shape { rows, cols } = model.tile();
         let (image, coarse) = tile(rows, cols, model.image_maps());
         let runner = Runner::new(model, arena).expect("the arena is as large as the model says");
@@ -62,13 +55,17 @@ impl<'a, 'm> Stepper<'a, 'm> {
     fn tile(&mut self) -> Times {
         let mut times = Times { operators: vec![0.0; self.model.operator_count()], begin: 0.0, output: 0.0 };
         times.begin = seconds(|| self.runner.begin(&self.image, &self.coarse).expect("the tile has the right size"));
-        for (index, &(operator, work)) in self.entries.iter().enumerate() {
+        for (index, &operator) in self.entries.iter().enumerate() {
             times.operators[operator] += seconds(|| {
-                self.runner.step(work).expect("a tile was begun");
+                while self.runner.position() == Some(index) {
+                    self.runner.step(1).expect("a tile was begun");
+                }
             });
-            assert_eq!(self.runner.position(), Some(index + 1), "a budget of one entry runs one entry");
         }
-        times.output = seconds(|| self.runner.output(&mut self.output).expect("the tile is done"));
+        times.output = seconds(|| {
+            while self.runner.step(u64::MAX).expect("a tile was begun") == Progress::Running {}
+            self.runner.output(&mut self.output).expect("the tile is done");
+        });
         times
     }
 }
