@@ -16,6 +16,7 @@ use elunar_benches::samples::{Timings, measure, seconds};
 use elunar_benches::shapes::{self, Products, StepShape, Use};
 use elunar_benches::table::{Table, number, publish};
 use elunar_core::nn::{Kernel, Model};
+use elunar_net::kernels;
 use std::time::Duration;
 
 /// Shapes below this share of every network's products are left out.
@@ -66,7 +67,7 @@ fn gemm(criterion: &mut Criterion) {
             (name(preset), shapes::of(&Model::new(&bytes).expect("an exported model is valid")))
         })
         .collect();
-    let (mut rows, kernels) = (rows(&networks), Kernel::available().collect::<Vec<_>>());
+    let (mut rows, kernels) = (rows(&networks), kernels::kernels().collect::<Vec<_>>());
     let Some(peak) = peak::dot_product() else {
         println!("SKIPPED: gemm: no peak is known for this processor");
         return;

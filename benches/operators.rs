@@ -16,6 +16,7 @@ use elunar_core::nn::file::Operator;
 use elunar_core::nn::{Model, Progress, Runner, required};
 use elunar_core::tile::Shape;
 use elunar_net::config::Preset;
+use elunar_net::kernels;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -47,7 +48,8 @@ impl<'a, 'm> Stepper<'a, 'm> {
         let entries = (0..).map_while(|index| Some(model.entry(index)?.operator)).collect();
         let Shape { rows, cols } = model.tile();
         let (image, coarse) = tile(rows, cols, model.image_maps());
-        let runner = Runner::new(model, arena).expect("the arena is as large as the model says");
+        let runner =
+            Runner::with_kernel(kernels::best(), model, arena).expect("the arena is as large as the model says");
         Self { runner, model, entries, image, coarse, output: vec![0.0; rows * cols] }
     }
 

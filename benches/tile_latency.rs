@@ -17,6 +17,7 @@ use elunar_core::tile::Shape;
 use elunar_learn::float;
 use elunar_learn::model::backend::Backend;
 use elunar_net::config::Preset;
+use elunar_net::kernels;
 use elunar_scene::predict::network::TileModel as _;
 use std::path::Path;
 use std::sync::Barrier;
@@ -76,7 +77,7 @@ fn network(group: &mut BenchmarkGroup<'_, WallTime>, preset: Preset, table: &mut
     let bytes = exported(preset).expect("a preset can be exported");
     let model = Model::new(&bytes).expect("an exported model is valid");
     let cores = std::thread::available_parallelism().map_or(1, |n| n.get());
-    for kernel in Kernel::available() {
+    for kernel in kernels::kernels() {
         if kernel.name() == Kernel::SCALAR.name() && model.macs() > SCALAR_MACS {
             println!("SKIPPED: {}/{}: more than {SCALAR_MACS} products a tile", name(preset), kernel.name());
             continue;

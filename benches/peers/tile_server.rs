@@ -4,8 +4,9 @@
 //! coarse DTM, little-endian `f32`, rows x cols each) with the seconds (`f64`) and the output (`f32`), until the input ends. It has one
 //! thread; the measured time includes the quantisation of the floats.
 
-use elunar_core::nn::{Kernel, required};
+use elunar_core::nn::required;
 use elunar_core::tile::Shape;
+use elunar_net::kernels;
 use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::TileModel;
 use std::error::Error;
@@ -33,7 +34,7 @@ fn main() -> ExitCode {
 fn open(path: &str, kernel: Option<&str>) -> Result<Int8Model, Box<dyn Error>> {
     let model = int8::open(Path::new(path))?;
     let Some(name) = kernel else { return Ok(model) };
-    let found = Kernel::available().find(|kernel| kernel.name() == name);
+    let found = kernels::kernels().find(|kernel| kernel.name() == name);
     Ok(model.with_kernel(found.ok_or_else(|| format!("expected a kernel of this processor, found {name}"))?))
 }
 

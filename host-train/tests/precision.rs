@@ -12,6 +12,7 @@ use elunar_net::export::report::compare;
 use elunar_net::export::sensitivity::{Sensitivity, SensitivityPlan};
 use elunar_net::export::{CalibrationTile, CompileOptions, MapBits, build};
 use elunar_net::inspect::{model, plan_text, timing};
+use elunar_net::kernels;
 use elunar_net::weights::NetWeights;
 use std::path::Path;
 use support::Shell;
@@ -150,7 +151,7 @@ fn a_plan_tells_what_the_runner_does() {
     let conv = plan.operators.iter().find(|line| line.name == "e1").unwrap();
     assert!(conv.weight_bytes > 0 && conv.rows_kept < conv.shape[0] && conv.margin == 2, "{conv:?}");
 
-    for kernel in Kernel::available() {
+    for kernel in kernels::kernels() {
         plan.set_times(timing::measure(kernel, model, 1).unwrap());
         let shares: f64 = plan.operators.iter().map(|line| line.share.unwrap()).sum();
         assert!((shares - 1.0).abs() < 1e-9 && plan.operators.iter().all(|line| line.ms.unwrap() > 0.0));
@@ -183,7 +184,7 @@ fn inspect_takes_models_apart_and_nothing_else() {
     std::fs::write(shell.path("mini.eld"), &made.bytes).unwrap();
     std::fs::write(shell.path("points.csv"), "lon,lat,radius_km\n1,2,1737.5\n").unwrap();
     let text = shell.made(&["inspect", "mini.eld", "--time"]);
-    assert!(text.contains(&format!("kernel {}", Kernel::best().name())) && text.contains("share"), "{text}");
+    assert!(text.contains(&format!("kernel {}", kernels::best().name())) && text.contains("share"), "{text}");
     let json: serde_json::Value =
         serde_json::from_str(&shell.made(&["inspect", "mini.eld", "--json", "--plan", "plan.png"])).unwrap();
     assert_eq!(json["operators"].as_array().unwrap().len(), made.program.operators.len());

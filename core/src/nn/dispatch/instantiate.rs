@@ -9,7 +9,7 @@ use crate::nn::kernels::{
     requantise::{Requantise, Target},
     softmax::Softmax,
 };
-use crate::nn::kernels::{Isa, x86_avx2::Avx2, x86_avx512::Avx512};
+use crate::nn::kernels::{Isa, x86_amx::Amx, x86_avx2::Avx2, x86_avx512::Avx512};
 use crate::nn::ops::{self, Constants, Prepared};
 use crate::nn::sum;
 
@@ -67,7 +67,9 @@ macro_rules! instantiate {
             name: <$isa as Isa>::NAME,
             unit,
             sum,
-            gemm: <$isa as Isa>::gemm,
+            gemm: super::gemm::<$isa>,
+            #[cfg(test)]
+            products: super::products::<$isa>,
             #[cfg(test)]
             requantise,
             #[cfg(test)]
@@ -85,3 +87,6 @@ pub(super) const AVX512: Kernel = instantiate!(Avx512<false>, "avx512f,avx512bw,
 /// Kernel for AVX-512 VNNI and VBMI.
 pub(super) const AVX512_VBMI: Kernel =
     instantiate!(Avx512<true>, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi");
+
+/// Kernel for AMX with 8-bit integers. The operating system must allow tiles, too.
+pub(super) const AMX: Kernel = instantiate!(Amx, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi");

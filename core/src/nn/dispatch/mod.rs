@@ -4,7 +4,11 @@
 mod instantiate;
 mod select;
 
+pub use select::TilesAllowed;
+
 use super::arena::Arena;
+#[cfg(test)]
+use super::kernels::Product;
 #[cfg(test)]
 use super::kernels::requantise::{Requantise, Target};
 use super::kernels::scalar::Scalar;
@@ -24,6 +28,8 @@ pub struct Kernel {
     pub(crate) sum: fn(&[u8]) -> u32,
     pub(crate) gemm: fn(&mut Accumulators, usize, &Patch<'_>, &[u8], usize),
     #[cfg(test)]
+    pub(crate) products: ProductsOf,
+    #[cfg(test)]
     pub(crate) requantise: fn(&Requantise<'_>, &mut [u8], &Accumulators, &Target) -> u64,
     #[cfg(test)]
     pub(crate) softmax: fn(&Softmax<'_>, &mut [u8], &mut [u8]) -> i64,
@@ -39,7 +45,9 @@ impl Kernel {
             name: I::NAME,
             unit: ops::run::<I>,
             sum,
-            gemm: I::gemm,
+            gemm: gemm::<I>,
+            #[cfg(test)]
+            products: products::<I>,
             #[cfg(test)]
             requantise: I::requantise,
             #[cfg(test)]
@@ -47,7 +55,14 @@ impl Kernel {
         }
     }
 
-    /// Returns the kernels that this processor runs, fastest first; the last is always [`Kernel::SCALAR`].
+    /// Returns the kernel for AMX, if the processor has it; faster than all of [`Self::available`], which cannot know what the operating system
+    /// allows.
+    pub fn amx(allowed: TilesAllowed) -> Option<Self> {
+        select::amx(allowed)
+    }
+
+    /// Returns the kernels that this processor runs without a word of the operating system, fastest first; the last is always
+    /// [`Kernel::SCALAR`].
     pub fn available() -> impl Iterator<Item = Self> {
         select::fastest_first().into_iter().flatten()
     }
@@ -61,6 +76,26 @@ impl Kernel {
     pub fn name(&self) -> &'static str {
         self.name
     }
+}
+
+/// A bare product, for tests and benchmarks.
+fn gemm<I: Isa>(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    I::default().gemm(acc, pixels, patch, weights, width);
+}
+
+#[cfg(test)]
+type ProductsOf = fn(&mut Accumulators, usize, &[u8], &[Product<'_>], usize, bool);
+
+#[cfg(test)]
+fn products<I: Isa>(
+    acc: &mut Accumulators,
+    pixels: usize,
+    bytes: &[u8],
+    list: &[Product<'_>],
+    width: usize,
+    from_zero: bool,
+) {
+    I::default().products(acc, pixels, bytes, list, width, from_zero);
 }
 
 impl core::fmt::Debug for Kernel {

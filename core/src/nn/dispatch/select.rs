@@ -37,6 +37,31 @@ pub(super) fn fastest_first() -> [Option<Kernel>; 2] {
     [fastest, Some(Kernel::SCALAR)]
 }
 
+/// Proof that the operating system lets this process use the tiles of AMX. Linux wants to be asked first:
+/// `arch_prctl(ARCH_REQ_XCOMP_PERM, XFEATURE_XTILEDATA)`.
+#[derive(Debug, Clone, Copy)]
+pub struct TilesAllowed(());
+
+impl TilesAllowed {
+    /// States that it does, for all threads that will run the kernel. Where the processor has no AMX, the statement means nothing.
+    ///
+    /// # Safety
+    /// The operating system has allowed it. Otherwise the kernel's instructions end the process.
+    #[allow(unsafe_code)]
+    pub const unsafe fn state() -> Self {
+        Self(())
+    }
+}
+
+/// Returns the kernel for AMX, if the processor has it.
+pub(super) fn amx(_: TilesAllowed) -> Option<Kernel> {
+    #[cfg(target_arch = "x86_64")]
+    let kernel = Features::of_this_processor().amx.then_some(x86::AMX);
+    #[cfg(not(target_arch = "x86_64"))]
+    let kernel = None;
+    kernel
+}
+
 /// Features of the processor whose registers the operating system saves on a task switch.
 #[cfg(target_arch = "x86_64")]
 struct Features {
@@ -45,6 +70,8 @@ struct Features {
     avx512_vnni: bool,
     /// VBMI, beside those of `avx512_vnni`.
     avx512_vbmi: bool,
+    /// AMX with 8-bit integers, beside those of `avx512_vbmi`.
+    amx: bool,
 }
 
 #[cfg(target_arch = "x86_64")]
@@ -57,22 +84,26 @@ impl Features {
         const AVX512_F_DQ_BW_VL: u32 = 1 << 16 | 1 << 17 | 1 << 30 | 1 << 31;
         const AVX512_VNNI: u32 = 1 << 11;
         const AVX512_VBMI: u32 = 1 << 1;
-        // State components: SSE and AVX; then these and the three of AVX-512.
+        const AMX_TILE_AND_INT8: u32 = 1 << 24 | 1 << 25;
+        // State components: SSE and AVX; then these and the three of AVX-512; the two of AMX.
         const AVX_STATE: u64 = 0b110;
         const AVX512_STATE: u64 = 0b1110_0110;
+        const AMX_STATE: u64 = 0b11 << 17;
         let all = |value: u32, bits: u32| value & bits == bits;
         if __cpuid(0).eax < 7 || !all(__cpuid(1).ecx, OSXSAVE_AND_AVX) {
-            return Self { avx2: false, avx512_vnni: false, avx512_vbmi: false };
+            return Self { avx2: false, avx512_vnni: false, avx512_vbmi: false, amx: false };
         }
         // SAFETY: OSXSAVE means that the instruction exists and the operating system allows it.
         let state = unsafe { _xgetbv(0) };
         let found = __cpuid_count(7, 0);
         let saves = |bits: u64| state & bits == bits;
         let avx512_vnni = saves(AVX512_STATE) && all(found.ebx, AVX512_F_DQ_BW_VL) && all(found.ecx, AVX512_VNNI);
+        let avx512_vbmi = avx512_vnni && all(found.ecx, AVX512_VBMI);
         Self {
             avx2: saves(AVX_STATE) && all(found.ebx, AVX2),
             avx512_vnni,
-            avx512_vbmi: avx512_vnni && all(found.ecx, AVX512_VBMI),
+            avx512_vbmi,
+            amx: avx512_vbmi && saves(AMX_STATE) && all(found.edx, AMX_TILE_AND_INT8),
         }
     }
 }

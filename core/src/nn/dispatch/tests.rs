@@ -2,8 +2,9 @@
 
 use super::*;
 use crate::nn::MatrixProduct;
-use crate::nn::kernels::{ACCUMULATORS, pixels_at_once};
-use crate::nn::tests::Random;
+use crate::nn::file::MAX_KERNEL;
+use crate::nn::kernels::{self, ACCUMULATORS, pixels_at_once};
+use crate::nn::tests::{Random, kernels as all_kernels};
 use proptest::prelude::*;
 
 /// The arguments of a matrix product.
@@ -74,10 +75,6 @@ impl Product {
     }
 }
 
-fn kernels() -> Vec<Kernel> {
-    Kernel::available().collect()
-}
-
 proptest! {
     #![proptest_config(ProptestConfig::with_cases(2000))]
     #[test]
@@ -88,8 +85,39 @@ proptest! {
     ) {
         let product = Product::random(seed, (pixels, width), (stride, groups, rows), slack);
         let expected = product.expected();
-        for kernel in kernels() {
+        for kernel in all_kernels() {
             prop_assert_eq!(&product.by(kernel).unwrap(), &expected, "{:?}", kernel);
+        }
+    }
+
+    #[test]
+    fn products_together_equal_the_formula(
+        seed in any::<u64>(), pixels in 1usize..65, width in prop::sample::select(vec![8usize, 16, 32]),
+        lists in prop::collection::vec((0usize..50, prop_oneof![Just(2usize), Just(16), Just(32), 0usize..50], 1usize..6), 1..5),
+        from_zero in any::<bool>(),
+    ) {
+        let pixels = pixels.min(ACCUMULATORS / width);
+        let products: Vec<Product> = (0..).zip(&lists).map(|(i, l)| Product::random(seed ^ i, (pixels, width), *l, 0)).collect();
+        let mut expected = [7; ACCUMULATORS];
+        let begun = if from_zero { 0 } else { 7 };
+        expected[..pixels * width].fill(begun);
+        for product in &products {
+            let sums = Product { acc: expected[..pixels * width].to_vec(), ..product.clone() }.expected();
+            expected[..pixels * width].copy_from_slice(&sums);
+        }
+        // One list of bytes with all of them, one after another.
+        let mut bytes = Vec::new();
+        let listed: Vec<kernels::Product<'_>> = products.iter().map(|product| {
+            let mut starts = [0; MAX_KERNEL];
+            starts.iter_mut().zip(&product.starts).for_each(|(to, start)| *to = bytes.len() + start);
+            bytes.extend_from_slice(&product.bytes);
+            let &Product { stride, groups, .. } = product;
+            kernels::Product { starts, rows: product.starts.len(), stride, groups, weights: &product.weights }
+        }).collect();
+        for kernel in all_kernels() {
+            let mut acc = [7; ACCUMULATORS];
+            (kernel.products)(&mut acc, pixels, &bytes, &listed, width, from_zero);
+            prop_assert_eq!(&acc[..], &expected[..], "{:?}", kernel);
         }
     }
 
@@ -108,7 +136,7 @@ proptest! {
             _ => {}
         }
         let legal = [8, 16, 32].contains(&width) && spoil == 5;
-        for kernel in kernels() {
+        for kernel in all_kernels() {
             prop_assert_eq!(product.by(kernel).is_ok(), legal, "{:?}", kernel);
         }
     }
@@ -125,7 +153,7 @@ fn blocks_of_every_size_with_extreme_codes() {
                     product.bytes.fill(code);
                     product.weights.fill(weight as i8 as u8);
                     let expected = product.expected();
-                    for kernel in kernels() {
+                    for kernel in all_kernels() {
                         assert_eq!(product.by(kernel).as_ref(), Ok(&expected), "{kernel:?}, {pixels} x {width}");
                     }
                 }
@@ -141,20 +169,20 @@ fn sums_wrap() {
     product.bytes.fill(255);
     product.weights.fill(1);
     assert!(product.expected().iter().all(|a| *a < 0));
-    kernels().iter().for_each(|kernel| assert_eq!(product.by(*kernel).unwrap(), product.expected(), "{kernel:?}"));
+    all_kernels().iter().for_each(|kernel| assert_eq!(product.by(*kernel).unwrap(), product.expected(), "{kernel:?}"));
 }
 
 #[test]
 fn patches_that_reach_beyond_their_bytes_leave_memory_whole() {
     // The bare function of a kernel, which checks its arguments: accumulators stay unchanged, or (in the scalar one) may change.
     let weights = vec![1; 4 * 2 * 3 * 32];
-    for kernel in kernels() {
+    for kernel in all_kernels() {
         for (starts, stride, groups, pixels, len) in [
-            ([0, 90], 4, 3, 2, 100),         // the second row ends behind the last byte
-            ([0, usize::MAX], 4, 3, 2, 100), // the second row starts far behind the last byte
-            ([0, 0], 60, 3, 3, 100),         // the third pixel ends behind the last byte
-            ([0, 0], 4, 4, 2, 100),          // more groups than weights
-            ([0, 0], 0, 3, 11, 100),         // more pixels than accumulators
+            ([0, 90], 4, 3, 2, 100),                    // the second row ends behind the last byte
+            ([0, usize::MAX], 4, 3, 2, 100),            // the second row starts far behind the last byte
+            ([0, 0], 60, 3, 3, 100),                    // the third pixel ends behind the last byte
+            ([0, 0], 4, 4, 2, 100),                     // more groups than weights
+            ([0, 0], 0, 3, ACCUMULATORS / 32 + 1, 100), // more pixels than accumulators
         ] {
             let bytes = vec![1; len];
             let patch = Patch { bytes: &bytes, starts: &starts, stride, groups };

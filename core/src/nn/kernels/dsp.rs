@@ -14,13 +14,14 @@ use super::{Accumulators, Isa, Patch, add, blocks};
 use core::arch::asm;
 
 /// DSP extension.
+#[derive(Default)]
 pub(crate) struct Dsp;
 
 impl Isa for Dsp {
     const NAME: &str = "dsp-u8i8-2x2";
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
     }
 

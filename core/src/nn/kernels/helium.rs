@@ -18,13 +18,14 @@ use super::{Accumulators, Isa, Patch, add, blocks, scalar::Scalar};
 use core::arch::asm;
 
 /// Helium, integers.
+#[derive(Default)]
 pub(crate) struct Helium;
 
 impl Isa for Helium {
     const NAME: &str = "helium-u8i8-3x2";
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
     }
 

@@ -34,26 +34,31 @@ pub(super) mod scalar;
 pub(super) mod simd128;
 pub(super) mod softmax;
 #[cfg(target_arch = "x86_64")]
+pub(super) mod x86_amx;
+#[cfg(target_arch = "x86_64")]
 pub(super) mod x86_avx2;
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86_avx512;
 
+use super::file::MAX_KERNEL;
 use super::panels::PANEL;
-use crate::part::{head_mut, part_mut};
+use crate::part::{head, head_mut, part_mut};
 use requantise::{Requantise, Target};
 use softmax::Softmax;
 
-/// Number of accumulators of one call: pixels times panel width.
-pub(crate) const ACCUMULATORS: usize = 320;
+/// Number of sums that fit into registers, and that portable code rounds together: pixels times panel width.
+pub(crate) const BLOCK: usize = 320;
+/// Number of accumulators of one call. The tiles of AMX hold 1024 sums.
+pub(crate) const ACCUMULATORS: usize = if cfg!(target_arch = "x86_64") { 1024 } else { BLOCK };
 /// Accumulators `[pixel][channel of the panel]`.
 pub(crate) type Accumulators = [i32; ACCUMULATORS];
 
-/// Number of pixels computed together against a panel of this width.
+/// Number of pixels whose sums against a panel of this width fit into registers.
 pub(crate) const fn pixels_at_once(width: usize) -> usize {
     if width == PANEL { 10 } else { 20 }
 }
 
-const _: () = assert!(pixels_at_once(8) * 16 <= ACCUMULATORS && pixels_at_once(PANEL) * PANEL <= ACCUMULATORS);
+const _: () = assert!(pixels_at_once(8) * 16 <= BLOCK && pixels_at_once(PANEL) * PANEL <= BLOCK);
 
 /// The codes that one call reads.
 #[derive(Clone, Copy)]
@@ -79,6 +84,30 @@ impl Patch<'_> {
             inside &= start <= self.bytes.len() && last <= self.bytes.len() - start;
         }
         inside && weights.len() >= 4 * self.starts.len() * self.groups * width
+    }
+}
+
+/// Rows of a patch whose products are added: of one source and one set of filters.
+#[derive(Clone, Copy)]
+pub(crate) struct Product<'m> {
+    /// First byte of each row of the first pixel's patch; the first `rows` count.
+    pub(crate) starts: [usize; MAX_KERNEL],
+    pub(crate) rows: usize,
+    /// As in [`Patch`].
+    pub(crate) stride: usize,
+    pub(crate) groups: usize,
+    /// Weights of these rows.
+    pub(crate) weights: &'m [u8],
+}
+
+impl Product<'_> {
+    /// No rows.
+    pub(crate) const NOTHING: Self = Self { starts: [0; MAX_KERNEL], rows: 0, stride: 0, groups: 0, weights: &[] };
+
+    /// Returns the codes that it reads.
+    #[inline(always)]
+    pub(crate) fn patch<'a>(&'a self, bytes: &'a [u8]) -> Patch<'a> {
+        Patch { bytes, starts: head(&self.starts, self.rows), stride: self.stride, groups: self.groups }
     }
 }
 
@@ -109,20 +138,58 @@ pub(crate) fn add<const C: usize>(acc: &mut Accumulators, width: usize, pixel: u
     }
 }
 
-/// An instruction set: what differs between kernels.
-pub(crate) trait Isa {
+/// An instruction set: what differs between kernels. A value is the state of the processor within a unit of work.
+pub(crate) trait Isa: Default {
     /// The kernel's name by the rule `{isa}-{types}-{variant}`.
     const NAME: &'static str;
 
+    /// Whether products of several sources and filters are computed faster by one call ([`Self::products`]).
+    const TOGETHER: bool = false;
+
+    /// Returns how many of `left` pixels are computed together: nearly equal numbers, because small ones leave registers unused.
+    #[inline(always)]
+    fn block(left: usize, width: usize) -> usize {
+        left.div_ceil(left.div_ceil(pixels_at_once(width)).max(1))
+    }
+
     /// Adds the products of `pixels` patches with one panel of `width` channels (8, 16 or 32). Without [`Patch::fits`] the result is
     /// unspecified, but no access leaves the slices.
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize);
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize);
 
     /// As [`Self::gemm`], but sets the sums to the products instead of adding.
     #[inline(always)]
-    fn gemm_from_zero(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm_from_zero(
+        &mut self,
+        acc: &mut Accumulators,
+        pixels: usize,
+        patch: &Patch<'_>,
+        weights: &[u8],
+        width: usize,
+    ) {
         head_mut(acc, pixels * width).fill(0);
-        Self::gemm(acc, pixels, patch, weights, width);
+        self.gemm(acc, pixels, patch, weights, width);
+    }
+
+    /// As [`Self::gemm`], for several lists of rows of `bytes`; the first products replace the sums if `from_zero`.
+    #[inline(always)]
+    fn products(
+        &mut self,
+        acc: &mut Accumulators,
+        pixels: usize,
+        bytes: &[u8],
+        products: &[Product<'_>],
+        width: usize,
+        mut from_zero: bool,
+    ) {
+        for product in products {
+            let (patch, weights) = (product.patch(bytes), product.weights);
+            if from_zero {
+                self.gemm_from_zero(acc, pixels, &patch, weights, width);
+            } else {
+                self.gemm(acc, pixels, &patch, weights, width);
+            }
+            from_zero = false;
+        }
     }
 
     /// Turns accumulators into codes and stores them in the arena; returns how many were cut. Specified by [`Requantise::portable`].

@@ -21,13 +21,14 @@ use super::{Accumulators, Isa, PANEL, Patch, blocks};
 use core::arch::aarch64::*;
 
 /// NEON without extensions.
+#[derive(Default)]
 pub(crate) struct Neon;
 
 impl Isa for Neon {
     const NAME: &str = "neon-u8i8-2x16";
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
     }
 }

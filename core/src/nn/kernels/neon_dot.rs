@@ -17,13 +17,14 @@ use core::arch::aarch64::*;
 use core::arch::asm;
 
 /// NEON with `sdot`.
+#[derive(Default)]
 pub(crate) struct NeonDot;
 
 impl Isa for NeonDot {
     const NAME: &str = "neondot-u8i8-4x16";
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
     }
 }

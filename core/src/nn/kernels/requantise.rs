@@ -1,6 +1,6 @@
 //! The way from accumulators to the output's codes: bias, multiplier, added map, rounding, clamping, table.
 
-use super::{ACCUMULATORS, Accumulators, Isa};
+use super::{ACCUMULATORS, Accumulators, BLOCK, Isa, pixels_at_once};
 use crate::nn::arena::{Arena, Row, high, join};
 use crate::nn::panels::PANEL;
 use crate::nn::tensor::{Dtype, Tensor};
@@ -92,6 +92,26 @@ impl Requantise<'_> {
     /// The portable version of [`Isa::requantise`].
     #[inline(always)]
     pub(crate) fn portable(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        if let Some(acc) =
+            acc.first_chunk().filter(|_| BLOCK == ACCUMULATORS || target.pixels <= pixels_at_once(self.width))
+        {
+            return self.block(bytes, acc, target);
+        }
+        let (mut cut, mut acc) = (0, head(acc, target.pixels * self.width));
+        for first in (0..target.pixels).step_by(pixels_at_once(self.width)) {
+            let pixels = (target.pixels - first).min(pixels_at_once(self.width));
+            let (now, rest) = acc.split_at_checked(pixels * self.width).unwrap_or_default();
+            let mut block = [0; BLOCK];
+            copy(head_mut(&mut block, now.len()), now);
+            let col = target.col + first * target.col_step;
+            cut += self.block(bytes, &block, &Target { col, pixels, ..*target });
+            acc = rest;
+        }
+        cut
+    }
+
+    #[inline(always)]
+    fn block(&self, bytes: &mut [u8], acc: &[i32; BLOCK], target: &Target) -> u64 {
         match self.width {
             32 => self.codes::<32>(bytes, acc, target),
             16 => self.codes::<16>(bytes, acc, target),
@@ -163,12 +183,12 @@ impl Requantise<'_> {
 
     /// `W` is the panel's width, a constant for the compiler.
     #[inline(always)]
-    fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+    fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &[i32; BLOCK], target: &Target) -> u64 {
         // All arrays are [pixel][channel of the panel].
-        let mut codes = [0i32; ACCUMULATORS];
+        let mut codes = [0i32; BLOCK];
         let cut = match &self.add {
             Some(add) => {
-                let mut added = [0i32; ACCUMULATORS];
+                let mut added = [0i32; BLOCK];
                 let row = Row::of(add, target.row);
                 for (p, added) in added.as_chunks_mut::<W>().0.iter_mut().take(target.pixels).enumerate() {
                     let index = (target.col + p * target.col_step) * self.out.channels + self.first;
@@ -191,9 +211,9 @@ impl Requantise<'_> {
     #[inline(always)]
     fn round<const W: usize, const ADD: bool>(
         &self,
-        acc: &[i32; ACCUMULATORS],
-        added: &[i32; ACCUMULATORS],
-        codes: &mut [i32; ACCUMULATORS],
+        acc: &[i32; BLOCK],
+        added: &[i32; BLOCK],
+        codes: &mut [i32; BLOCK],
         pixels: usize,
     ) -> u64 {
         if self.shift >= 32 {
@@ -208,9 +228,9 @@ impl Requantise<'_> {
     #[inline(always)]
     fn round_by<const W: usize, const ADD: bool, const HIGH: bool>(
         &self,
-        acc: &[i32; ACCUMULATORS],
-        added: &[i32; ACCUMULATORS],
-        codes: &mut [i32; ACCUMULATORS],
+        acc: &[i32; BLOCK],
+        added: &[i32; BLOCK],
+        codes: &mut [i32; BLOCK],
         pixels: usize,
     ) -> u64 {
         let (acc, added) = (acc.as_chunks::<W>().0, added.as_chunks::<W>().0);
@@ -245,10 +265,10 @@ impl Requantise<'_> {
     }
 
     #[inline(always)]
-    fn store<const W: usize>(&self, arena: &mut [u8], codes: &[i32; ACCUMULATORS], target: &Target) {
+    fn store<const W: usize>(&self, arena: &mut [u8], codes: &[i32; BLOCK], target: &Target) {
         let t = self.out;
         let (start, pitch) = target.place(t, self.first);
-        let mut bytes = [0u8; ACCUMULATORS];
+        let mut bytes = [0u8; BLOCK];
         for plane in 0..t.dtype.bytes() {
             if plane == 0 {
                 for (byte, code) in bytes.iter_mut().zip(codes) {

@@ -12,6 +12,7 @@ use super::{Accumulators, Isa, Patch};
 use crate::part::part_mut;
 
 /// Plain Rust.
+#[derive(Default)]
 pub(crate) struct Scalar;
 
 /// Pixels and channels whose sums are kept in registers: 16 sums for 32 registers, 4 for ARM's 16, 32 for SSE.
@@ -31,7 +32,7 @@ impl Isa for Scalar {
     };
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
     }
 

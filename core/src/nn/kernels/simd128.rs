@@ -15,6 +15,7 @@ use super::{Accumulators, Isa, Patch, blocks};
 use core::arch::wasm32::*;
 
 /// SIMD with 128 bits.
+#[derive(Default)]
 pub(crate) struct Simd128;
 
 /// Two channels of 8: 8 sums of two pixels fit into the 16 registers of x86.
@@ -24,7 +25,7 @@ impl Isa for Simd128 {
     const NAME: &str = "simd128-u8i8-2x8";
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         product(acc, pixels, patch, weights, width);
     }
 }

@@ -17,13 +17,14 @@ use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
 
 /// AVX2.
+#[derive(Default)]
 pub(crate) struct Avx2;
 
 impl Isa for Avx2 {
     const NAME: &str = "avx2-u8i8-5x8";
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         if !patch.fits(pixels, weights, width) {
             return;
         }

@@ -91,6 +91,7 @@ impl Walk<'_> {
 /// Runs unit `unit` (column piece) of step `step` (row piece).
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
+    isa: &mut I,
     constants: &Constants<'_>,
     a: &Attention,
     prepared: &Prepared,
@@ -106,7 +107,7 @@ pub(crate) fn run<I: Isa>(
         let (offsets, layout) = pack(constants, &window, &out, arena, head);
         let head = Head { constants, window: &window, out: &out, head, layout, offsets: &offsets };
         for row in rows.0..rows.1.min(out.rows) {
-            cut += head.row::<I>(arena, row);
+            cut += head.row(isa, arena, row);
         }
     }
     if cols.1 >= out.cols {
@@ -233,11 +234,11 @@ struct Head<'a, 'm> {
 impl Head<'_, '_> {
     /// Computes the queries of row `row` of the map.
     #[inline(always)]
-    fn row<I: Isa>(&self, arena: &mut Arena<'_>, row: usize) -> u64 {
+    fn row<I: Isa>(&self, isa: &mut I, arena: &mut Arena<'_>, row: usize) -> u64 {
         let (a, out) = (self.window.a, self.out);
         let channels = out.channels / a.heads.max(1);
         let cols = self.window.cols.0..self.window.cols.1.min(out.cols);
-        let logits = self.products::<I>(arena, row, cols.len());
+        let logits = self.products(isa, arena, row, cols.len());
         let mut reciprocals = [0i32; MAX_WINDOW];
         for (q, (reciprocal, logits)) in reciprocals.iter_mut().zip(&logits).take(cols.len()).enumerate() {
             *reciprocal = reciprocal_of(self.exponentials::<I>(arena, logits, row, q));
@@ -253,10 +254,10 @@ impl Head<'_, '_> {
                 let starts = [exp + plane * self.layout.row];
                 let patch = Patch { bytes: arena.bytes, starts: &starts, stride: 2 * self.layout.row, groups };
                 if plane == 1 {
-                    I::gemm_from_zero(&mut acc, cols.len(), &patch, weights, width);
+                    isa.gemm_from_zero(&mut acc, cols.len(), &patch, weights, width);
                     head_mut(&mut acc, cols.len() * width).iter_mut().for_each(|a| *a <<= 8);
                 } else {
-                    I::gemm(&mut acc, cols.len(), &patch, weights, width);
+                    isa.gemm(&mut acc, cols.len(), &patch, weights, width);
                 }
             }
             let channel = self.head * channels + first;
@@ -303,7 +304,13 @@ impl Head<'_, '_> {
 
     /// Returns q · k of the queries of a row with all keys.
     #[inline(always)]
-    fn products<I: Isa>(&self, arena: &Arena<'_>, row: usize, queries: usize) -> [[i32; MAX_TOKENS]; MAX_WINDOW] {
+    fn products<I: Isa>(
+        &self,
+        isa: &mut I,
+        arena: &Arena<'_>,
+        row: usize,
+        queries: usize,
+    ) -> [[i32; MAX_TOKENS]; MAX_WINDOW] {
         let (a, t) = (self.window.a, self.window.input);
         let channels = self.out.channels / a.heads;
         let tokens = self.window.tokens();
@@ -315,7 +322,7 @@ impl Head<'_, '_> {
         for (first, width) in panels(tokens) {
             let start = arena.scratch + 4 * first * groups;
             let weights = part(arena.bytes, start, 4 * width * groups);
-            I::gemm_from_zero(&mut acc, queries, &patch, weights, width);
+            isa.gemm_from_zero(&mut acc, queries, &patch, weights, width);
             let count = (tokens - first).min(width);
             for (q, logits) in logits.iter_mut().take(queries).enumerate() {
                 let (acc, offsets) = (part(&acc, q * width, count), part(self.offsets, first, count));

@@ -21,8 +21,8 @@ use super::witness::{LEAST_PIXELS, MOST_PRODUCTS, PatchRow, Sums, TOGETHER, Witn
 use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::file::{Conv, MAX_KERNEL, PHASE_TAPS, PHASES, Phase};
-use crate::nn::kernels::requantise::Target;
-use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, pixels_at_once};
+use crate::nn::kernels::requantise::{Requantise, Target};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Product, pixels_at_once};
 use crate::nn::panels::{PANEL, groups, panel};
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::{head, head_mut, item, part, part_mut};
@@ -84,6 +84,7 @@ struct Patches<'f, 'm> {
 /// Runs unit `unit` (the number of the panel) of step `step`.
 #[inline(always)]
 pub(crate) fn run<I: Isa>(
+    isa: &mut I,
     constants: &Constants<'_>,
     conv: &Conv,
     prepared: &Prepared,
@@ -101,12 +102,18 @@ pub(crate) fn run<I: Isa>(
     let rows = begin..(begin + made).min(job.out.rows);
     let filter = job.filter(0, 0, 0);
     let (phases, every) = if conv.fold { (4, 2) } else { (1, 1) };
-    let mut cut = 0;
+    let (mut cut, mut sums) = (0, [[0; ACCUMULATORS]; 2]);
+    let mut numbers: Option<([Option<usize>; 2], Requantise<'_>)> = None;
     // All rows with the same filter before the next filter, so that its weights stay in the cache.
     for phase in 0..phases {
         for row in rows.clone().skip(phase / 2).step_by(every) {
             let stretch = if conv.fold { job.folded(row, phase % 2) } else { job.plain(row, filter) };
-            cut += job.run::<I>(arena, &stretch)?;
+            let variants = stretch.variants();
+            let numbers = match &mut numbers {
+                Some((of, numbers)) if *of == variants => &*numbers,
+                other => &other.insert((variants, job.numbers(variants))).1,
+            };
+            cut += job.run(isa, arena, &mut sums, &stretch, numbers)?;
         }
     }
     if first + width >= out.channels && out.margin > 0 {
@@ -117,7 +124,21 @@ pub(crate) fn run<I: Isa>(
     Some(cut)
 }
 
+impl Stretch<'_> {
+    /// The sets of filters.
+    #[inline(always)]
+    fn variants(&self) -> [Option<usize>; 2] {
+        self.filters.map(|filter| filter.map(|f| f.variant))
+    }
+}
+
 impl<'m> Job<'_, 'm> {
+    /// Returns the constants that round the sums of some sets of filters.
+    #[inline(always)]
+    fn numbers(&self, variants: [Option<usize>; 2]) -> Requantise<'_> {
+        requantise(self.constants, self.conv, &self.out, self.add, self.first, self.width, variants)
+    }
+
     /// Returns a whole row as a stretch.
     #[inline(always)]
     fn plain(&self, row: usize, filter: Filter<'m>) -> Stretch<'m> {
@@ -176,39 +197,44 @@ impl<'m> Job<'_, 'm> {
 
     /// Computes a stretch; `None` if its products differ from their checksums, or its constants have changed.
     #[inline(always)]
-    fn run<I: Isa>(&self, arena: &mut Arena<'_>, stretch: &Stretch<'m>) -> Option<u64> {
-        let variants = stretch.filters.map(|filter| filter.map(|f| f.variant));
-        let numbers = requantise(self.constants, self.conv, &self.out, self.add, self.first, self.width, variants);
-        let mut acc = [0; ACCUMULATORS];
+    fn run<I: Isa>(
+        &self,
+        isa: &mut I,
+        arena: &mut Arena<'_>,
+        sums: &mut [Accumulators; 2],
+        stretch: &Stretch<'m>,
+        numbers: &Requantise<'_>,
+    ) -> Option<u64> {
         let checked = self.prepared.checked
             && stretch.count >= LEAST_PIXELS
             && self.taps(stretch) * pixels_at_once(self.width) <= MOST_PRODUCTS;
         if checked {
-            self.sum_products::<I>(arena, &mut acc, stretch);
+            self.sum_products(isa, arena, &mut sums[0], stretch);
         }
-        let mut witness = Witness::new(&acc);
+        let mut witness = Witness::new(&sums[0]);
+        let mut lists = if I::TOGETHER { self.lists(stretch) } else { None };
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
-            // Blocks of nearly equal size, because small ones leave registers unused.
             let left = stretch.count - done;
-            let now = left.div_ceil(left.div_ceil(pixels_at_once(self.width)).max(1));
+            // Sums of a larger block would not stay within 32 bits.
+            let now = I::block(left, self.width).min(if checked { pixels_at_once(self.width) } else { left });
             let (filters, input_step) = (&stretch.filters, stretch.input_step);
             let patches = Patches { filters, skip: done * input_step, count: now, input_step };
-            let high = self.products::<I>(arena, &mut acc, &patches);
+            let high = self.products(isa, arena, &mut sums[0], &patches, lists.as_mut());
             if self.conv.fold {
                 for pixel in [0, stretch.count - 1] {
                     if (done..done + now).contains(&pixel) {
                         let corrections = self.corrections(stretch.row, stretch.col + 2 * pixel);
-                        self.correct::<I>(arena, &mut acc, pixel - done, &corrections, &mut witness);
+                        self.correct(isa, arena, sums, pixel - done, &corrections, &mut witness);
                     }
                 }
             }
             let col = stretch.col + done * stretch.col_step;
             let target = Target { row: stretch.row, col, col_step: stretch.col_step, pixels: now };
-            cut += numbers.run::<I>(arena, &acc, &target);
+            cut += numbers.run::<I>(arena, &sums[0], &target);
             if checked {
-                witness.note(&panel_sums(&acc, now, self.width), &high);
+                witness.note(&panel_sums(&sums[0], now, self.width), &high);
             }
             done += now;
         }
@@ -216,8 +242,8 @@ impl<'m> Job<'_, 'm> {
             // The constants, too, were in memory without a checksum for the time of a stretch. The compiler must read them again.
             let &Prepared { out, inputs: [.., add], .. } = black_box(self.prepared);
             let constants = black_box(self.constants);
-            let again = requantise(constants, self.conv, &out, add, self.first, self.width, variants);
-            if !witness.holds(self.width) || numbers != again {
+            let again = requantise(constants, self.conv, &out, add, self.first, self.width, stretch.variants());
+            if !witness.holds(self.width) || *numbers != again {
                 return None;
             }
         }
@@ -226,7 +252,7 @@ impl<'m> Job<'_, 'm> {
 
     /// Sets the sums of one pixel to the products of the sum of a stretch's patches, both planes alike.
     #[inline(always)]
-    fn sum_products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, stretch: &Stretch<'m>) {
+    fn sum_products<I: Isa>(&self, isa: &mut I, arena: &mut Arena<'_>, acc: &mut Accumulators, stretch: &Stretch<'m>) {
         head_mut(acc, self.width).fill(0);
         let mut sums = [0; TOGETHER];
         for filter in stretch.filters.iter().flatten() {
@@ -245,7 +271,8 @@ impl<'m> Job<'_, 'm> {
                             groups,
                             outside: (!inside).then(|| zero_code(t, plane)),
                         };
-                        row.add_products::<I>(arena, acc, part(weights, k * bytes, bytes), self.width, &mut sums);
+                        let weights = part(weights, k * bytes, bytes);
+                        row.add_products(isa, arena, acc, weights, self.width, &mut sums);
                     }
                 }
             }
@@ -266,14 +293,17 @@ impl<'m> Job<'_, 'm> {
     #[inline(always)]
     fn correct<I: Isa>(
         &self,
+        isa: &mut I,
         arena: &mut Arena<'_>,
-        acc: &mut Accumulators,
+        [acc, more]: &mut [Accumulators; 2],
         pixel: usize,
         corrections: &[Option<Filter<'m>>; 2],
         witness: &mut Witness,
     ) {
-        let mut more = [0; ACCUMULATORS];
-        self.products::<I>(arena, &mut more, &Patches { filters: corrections, skip: 0, count: 1, input_step: 1 });
+        if corrections.iter().all(Option::is_none) {
+            return;
+        }
+        self.products(isa, arena, more, &Patches { filters: corrections, skip: 0, count: 1, input_step: 1 }, None);
         for filter in corrections.iter().flatten() {
             let first = filter.variant * self.out.channels + self.first;
             let channels = self.width.min(self.out.channels - self.first);
@@ -281,8 +311,8 @@ impl<'m> Job<'_, 'm> {
                 *more = more.wrapping_add(self.constants.i32_at(self.conv.bias, first + c));
             }
         }
-        witness.leave_out(head(&more, self.width));
-        for (acc, more) in part_mut(acc, pixel * self.width, self.width).iter_mut().zip(&more) {
+        witness.leave_out(head(more, self.width));
+        for (acc, more) in part_mut(acc, pixel * self.width, self.width).iter_mut().zip(&*more) {
             *acc = acc.wrapping_add(*more);
         }
     }
@@ -294,16 +324,31 @@ impl<'m> Job<'_, 'm> {
         stretch.filters.iter().flatten().map(|filter| filter.rows * filter.cols * channels).sum()
     }
 
-    /// Sets `acc` to the products of the patches and their filters; returns the sums of the high planes over the pixels.
+    /// Sets `acc` to the products of the patches and their filters, which `lists` may have for both planes; returns the sums of the high
+    /// planes over the pixels.
     #[inline(always)]
-    fn products<I: Isa>(&self, arena: &mut Arena<'_>, acc: &mut Accumulators, patches: &Patches<'_, 'm>) -> Sums {
+    fn products<I: Isa>(
+        &self,
+        isa: &mut I,
+        arena: &mut Arena<'_>,
+        acc: &mut Accumulators,
+        patches: &Patches<'_, 'm>,
+        mut lists: Option<&mut [List<'m>; 2]>,
+    ) -> Sums {
         let (mut begun, mut high) = (false, [0; PANEL]);
-        if self.wide {
-            self.plane::<I>(arena, acc, patches, 1, &mut begun);
-            high = panel_sums(acc, patches.count, self.width);
-            head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
+        for plane in [1, 0] {
+            if plane == 1 && !self.wide {
+                continue;
+            }
+            match &mut lists {
+                Some(lists) => lists[plane].next(isa, arena, acc, patches.count, self.width, &mut begun),
+                None => self.plane(isa, arena, acc, patches, plane, &mut begun),
+            }
+            if plane == 1 {
+                high = panel_sums(acc, patches.count, self.width);
+                head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
+            }
         }
-        self.plane::<I>(arena, acc, patches, 0, &mut begun);
         high
     }
 
@@ -311,6 +356,7 @@ impl<'m> Job<'_, 'm> {
     #[inline(always)]
     fn plane<I: Isa>(
         &self,
+        isa: &mut I,
         arena: &mut Arena<'_>,
         acc: &mut Accumulators,
         patches: &Patches<'_, 'm>,
@@ -321,8 +367,7 @@ impl<'m> Job<'_, 'm> {
         for filter in filters.iter().flatten() {
             for (source, t) in self.sources.iter().enumerate() {
                 let Some(t) = t.as_ref().filter(|t| plane == 0 || t.dtype == Dtype::I16) else { continue };
-                let groups = groups(filter.cols * t.channels);
-                let stride = input_step * t.channels;
+                let (groups, stride) = (groups(filter.cols * t.channels), input_step * t.channels);
                 let mut starts = [0; MAX_KERNEL];
                 for (k, start) in starts.iter_mut().take(filter.rows).enumerate() {
                     let (at, inside) = self.start(filter, t, plane, k, skip);
@@ -334,14 +379,69 @@ impl<'m> Job<'_, 'm> {
                         arena.scratch
                     };
                 }
-                let patch = Patch { bytes: arena.bytes, starts: head(&starts, filter.rows), stride, groups };
                 let weights = item(&filter.weights, source);
-                if *begun {
-                    I::gemm(acc, count, &patch, weights, self.width);
-                } else {
-                    I::gemm_from_zero(acc, count, &patch, weights, self.width);
-                }
+                let product = Product { starts, rows: filter.rows, stride, groups, weights };
+                isa.products(acc, count, arena.bytes, &[product], self.width, !*begun);
                 *begun = true;
+            }
+        }
+    }
+
+    /// Lists the products of a stretch, low planes first; `None` if a row is outside the map.
+    #[inline(always)]
+    fn lists(&self, stretch: &Stretch<'m>) -> Option<[List<'m>; 2]> {
+        let mut lists = [List { products: [Product::NOTHING; MOST_TOGETHER], len: 0 }; 2];
+        for filter in stretch.filters.iter().flatten() {
+            for (source, t) in self.sources.iter().enumerate() {
+                let Some(t) = t else { continue };
+                for (plane, list) in lists.iter_mut().enumerate().take(t.dtype.bytes().min(2)) {
+                    let product = list.products.get_mut(list.len)?;
+                    list.len += 1;
+                    for (k, start) in product.starts.iter_mut().take(filter.rows).enumerate() {
+                        let (at, inside) = self.start(filter, t, plane, k, 0);
+                        if !inside {
+                            return None;
+                        }
+                        *start = at;
+                    }
+                    (product.rows, product.groups) = (filter.rows, groups(filter.cols * t.channels));
+                    (product.stride, product.weights) =
+                        (stretch.input_step * t.channels, item(&filter.weights, source));
+                }
+            }
+        }
+        Some(lists)
+    }
+}
+
+/// Two sources, each with two sets of filters.
+const MOST_TOGETHER: usize = 4;
+
+/// The products of one plane of a stretch, which are computed together.
+#[derive(Clone, Copy)]
+struct List<'m> {
+    products: [Product<'m>; MOST_TOGETHER],
+    len: usize,
+}
+
+impl List<'_> {
+    /// Computes the products of the next `pixels` pixels; the first ones of a block replace the sums.
+    #[inline(always)]
+    fn next<I: Isa>(
+        &mut self,
+        isa: &mut I,
+        arena: &Arena<'_>,
+        acc: &mut Accumulators,
+        pixels: usize,
+        width: usize,
+        begun: &mut bool,
+    ) {
+        let products = head_mut(&mut self.products, self.len);
+        isa.products(acc, pixels, arena.bytes, products, width, !*begun);
+        *begun = true;
+        for product in products {
+            for start in product.starts.iter_mut().take(product.rows) {
+                *start += pixels * product.stride;
             }
         }
     }

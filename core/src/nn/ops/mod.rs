@@ -34,9 +34,9 @@ pub(crate) fn run<I: Isa>(
     unit: usize,
 ) -> Option<u64> {
     Some(match &prepared.operator {
-        Operator::Conv(op) => return conv::run::<I>(constants, op, prepared, arena, step, unit),
+        Operator::Conv(op) => return conv::run(&mut I::default(), constants, op, prepared, arena, step, unit),
         Operator::LayerNorm(op) => layer_norm::run::<I>(constants, op, prepared, arena, step),
-        Operator::Attention(op) => attention::run::<I>(constants, op, prepared, arena, step, unit),
+        Operator::Attention(op) => attention::run(&mut I::default(), constants, op, prepared, arena, step, unit),
         Operator::Upsample2(_) => upsample::run(prepared, arena, step),
     })
 }

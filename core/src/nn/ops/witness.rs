@@ -124,6 +124,7 @@ impl PatchRow {
     #[inline(always)]
     pub(super) fn add_products<I: Isa>(
         &self,
+        isa: &mut I,
         arena: &Arena<'_>,
         acc: &mut Accumulators,
         weights: &[u8],
@@ -137,7 +138,7 @@ impl PatchRow {
                 None => self.sum(arena.bytes, first, sums),
             }
             let patch = Patch { bytes: sums, starts: &[0], stride: 0, groups: sums.len() / 4 };
-            I::gemm(acc, 1, &patch, part(weights, first * width, sums.len() * width), width);
+            isa.gemm(acc, 1, &patch, part(weights, first * width, sums.len() * width), width);
         }
     }
 
@@ -304,6 +305,7 @@ const fn folded(sum: u32) -> u8 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::nn::kernels::ACCUMULATORS;
     use crate::nn::tests::Random;
 
     #[test]
@@ -332,7 +334,7 @@ mod tests {
     #[test]
     fn every_flipped_bit_of_a_sum_shows() {
         let mut random = Random::new(8);
-        let mut acc = [0; 320];
+        let mut acc = [0; ACCUMULATORS];
         acc.iter_mut().for_each(|sum| *sum = random.within(-1 << 26, 1 << 26) as i32);
         for width in [8, 16, 32] {
             let witness = Witness::new(&acc);

@@ -3,6 +3,7 @@
 mod attention;
 mod conv;
 pub(crate) mod draft;
+mod kernels;
 mod layer_norm;
 mod model;
 mod program;
@@ -19,4 +20,5 @@ mod whole;
 mod witness;
 mod work;
 
+pub(crate) use kernels::kernels;
 pub(crate) use random::Random;

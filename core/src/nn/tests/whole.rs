@@ -1,6 +1,7 @@
 //! Whole models from file to metres: their self tests pass, and no slice is shorter than validation has proven (a missing part fails a test
 //! of this crate, see [`crate::part`]).
 
+use super::kernels;
 use crate::job::{Made, TileInput};
 use crate::nn::file::{Content, Entry, Operator, Tensor, word};
 use crate::nn::{Kernel, Lighting, Model, Progress, Runner, TileLight, Validation, required};
@@ -50,7 +51,7 @@ fn run(kernel: Kernel, model: Model<'_>, protect: bool) {
 fn healthy_models_use_only_what_is_there() {
     for file in files() {
         let bytes = std::fs::read(&file).unwrap();
-        for kernel in Kernel::available() {
+        for kernel in kernels() {
             run(kernel, Model::new(&bytes).unwrap(), true);
         }
         run(Kernel::best(), Model::new(&bytes).unwrap(), false);

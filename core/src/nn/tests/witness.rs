@@ -16,13 +16,14 @@ thread_local! {
 }
 
 /// Plain Rust, with one wrong bit.
+#[derive(Default)]
 struct Erring;
 
 impl Isa for Erring {
     const NAME: &str = "erring";
 
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        Scalar::gemm(acc, pixels, patch, weights, width);
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        Scalar.gemm(acc, pixels, patch, weights, width);
         let (left, sum, bit) = NEXT.get();
         if left == 0 {
             acc[sum % (pixels * width)] ^= 1 << bit;

@@ -3,9 +3,8 @@
 use crate::inspect;
 use crate::picture::arena;
 use elunar_base::Result;
-use elunar_core::nn::Kernel;
 use elunar_net::inspect::plan_text;
-use elunar_net::shipped;
+use elunar_net::{kernels, shipped};
 use std::path::PathBuf;
 
 /// Options of `inspect`.
@@ -56,7 +55,7 @@ pub fn run(args: Args) -> Result<()> {
         crate::outputs::extension(picture, &["png"])?;
     }
     let _owner = crate::outputs::take_all(&args.plan, &[&args.file])?;
-    let plan = inspect::plan(&args.file, args.time.then_some((Kernel::best(), TILES)))?;
+    let plan = inspect::plan(&args.file, args.time.then_some((kernels::best(), TILES)))?;
     if let Some(path) = &args.plan {
         elunar_picture::write_png(path, arena(&plan)?)?;
     }

@@ -4,6 +4,7 @@ use elunar_base::quantile::quantile;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{self, Kernel, Progress, Runner, required};
 use elunar_core::tile::Shape;
+use elunar_net::kernels;
 use elunar_scene::predict::int8;
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::whole::WholeTile;
@@ -125,9 +126,9 @@ impl Args {
 
 /// Returns the kernel with that name; without a name, the fastest.
 fn kernel(name: Option<&str>) -> Result<Kernel> {
-    let Some(name) = name else { return Ok(Kernel::best()) };
-    Kernel::available().find(|kernel| kernel.name() == name).ok_or_else(|| {
-        let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();
+    let Some(name) = name else { return Ok(kernels::best()) };
+    kernels::kernels().find(|kernel| kernel.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = kernels::kernels().map(|kernel| kernel.name()).collect();
         Error::usage(format!("--kernel: expected one of {}, found {name}", names.join(", ")))
     })
 }

@@ -5,7 +5,7 @@ use elunar_base::digest::sha256_hex;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use elunar_core::tile::Shape;
-use elunar_net::shipped;
+use elunar_net::{kernels, shipped};
 use std::path::Path;
 
 /// Multiply-accumulates per step of the runner. The value is large, because no watchdog runs on the ground.
@@ -27,7 +27,7 @@ pub fn open(path: &Path) -> Result<Int8Model> {
     let (name, bytes) = shipped::model(path)?;
     let verdict = nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?.verdict();
     let hash = sha256_hex(&bytes);
-    Ok(Int8Model { kernel: Kernel::best(), bytes, verdict, description: format!("int8 network {name} sha256:{hash}") })
+    Ok(Int8Model { kernel: kernels::best(), bytes, verdict, description: format!("int8 network {name} sha256:{hash}") })
 }
 
 impl Int8Model {

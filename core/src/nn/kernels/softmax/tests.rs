@@ -1,7 +1,7 @@
 //! Every distance of two logits, through every kernel, against the formula.
 
 use super::*;
-use crate::nn::Kernel;
+use crate::nn::tests::kernels;
 
 /// The formula of `quant/lut.rs` in plain numbers.
 fn specified(coarse: &[i16; EXP_COARSE], fine: &[i16; EXP_FINE], distance: usize) -> i64 {
@@ -16,7 +16,7 @@ fn every_distance_gives_the_specified_exponential() {
     let entry = |i: usize| (32767.0 * libm::exp(-(i as f64) / 256.0)).round() as i16;
     let (coarse, fine) = (core::array::from_fn(|i| entry(i * EXP_FINE)), core::array::from_fn(entry));
     let (coarse_bytes, fine_bytes) = (coarse.map(i16::to_le_bytes), fine.map(i16::to_le_bytes));
-    let kernels: Vec<Kernel> = Kernel::available().collect();
+    let kernels = kernels();
     // The first key has the largest logit; the position bias moves the others nearer or farther away.
     for ends in [0i16, 32767] {
         let mut bias = [(-ends).to_le_bytes(); MAX_TOKENS];

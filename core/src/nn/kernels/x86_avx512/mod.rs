@@ -25,19 +25,27 @@ use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
 
 /// AVX-512 F, BW, DQ, VL, VNNI. With `VBMI` tables of bytes are read from registers.
+#[derive(Default)]
 pub(crate) struct Avx512<const VBMI: bool>;
 
 impl<const VBMI: bool> Isa for Avx512<VBMI> {
     const NAME: &str = if VBMI { "avx512vbmi-u8i8-10x32" } else { "avx512vnni-u8i8-10x32" };
 
     #[inline(always)]
-    fn gemm(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
         // SAFETY: the processor has the instructions (see `nn/dispatch`).
         unsafe { product::<true>(acc, pixels, patch, weights, width) }
     }
 
     #[inline(always)]
-    fn gemm_from_zero(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+    fn gemm_from_zero(
+        &mut self,
+        acc: &mut Accumulators,
+        pixels: usize,
+        patch: &Patch<'_>,
+        weights: &[u8],
+        width: usize,
+    ) {
         // SAFETY: as above.
         unsafe { product::<false>(acc, pixels, patch, weights, width) }
     }
@@ -45,13 +53,7 @@ impl<const VBMI: bool> Isa for Avx512<VBMI> {
     #[inline(always)]
     fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // SAFETY: the processor has the instructions (see `nn/dispatch`).
-        unsafe {
-            if VBMI {
-                requantise::run_vbmi(requantise, bytes, acc, target)
-            } else {
-                requantise::run(requantise, bytes, acc, target)
-            }
-        }
+        unsafe { requantise::run::<VBMI>(requantise, bytes, acc, target) }
     }
 
     #[inline(always)]

@@ -1,4 +1,4 @@
-//! Requantisation: 16 sums at a time, either 16 channels of a pixel or the 8 channels of two pixels.
+//! Requantisation: 16 sums at a time, either 16 channels of a pixel or 8 channels of two pixels.
 //!
 //! ```text
 //! for every vector of 16 channels of the panel:         bias, multipliers in registers
@@ -8,6 +8,7 @@
 //!         v = even >> shift, odd >> shift, side by side again (with the zero code, which half contains)
 //!         cut v to the codes; [count what that has changed]; [look up]; store 16 bytes [and 16 high bytes]
 //! ```
+//! Everything that is the same for all pixels of a vector is a constant for the compiler, so that the loop has no branch.
 
 use crate::nn::kernels::requantise::{Requantise, Target};
 use crate::nn::kernels::{ACCUMULATORS, Accumulators};
@@ -23,194 +24,405 @@ const ABOVE: u8 = 1;
 const BOTH: u8 = 2;
 
 /// # Safety
-/// The processor has AVX-512 with VBMI.
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi")]
-pub(super) unsafe fn run_vbmi(
+/// The processor has AVX-512, with VBMI if `VBMI`.
+#[inline(always)]
+pub(super) unsafe fn run<const VBMI: bool>(
     requantise: &Requantise<'_>,
     bytes: &mut [u8],
     acc: &Accumulators,
     target: &Target,
 ) -> u64 {
-    let (mut tables, mut by_register) = ([_mm512_setzero_si512(); 4], false);
-    if let Some(table) = requantise.table.filter(|table| table.len() == 256) {
-        for (i, part) in tables.iter_mut().enumerate() {
-            // SAFETY: four times 64 of 256 bytes.
-            *part = unsafe { _mm512_loadu_si512(table.as_ptr().add(64 * i).cast()) };
-        }
-        by_register = true;
-    }
-    let look_up = |codes: __m128i| {
-        if !by_register {
-            return codes;
-        }
-        let at = _mm512_castsi128_si512(codes);
-        let low = _mm512_permutex2var_epi8(tables[0], at, tables[1]);
-        let high = _mm512_permutex2var_epi8(tables[2], at, tables[3]);
-        _mm512_castsi512_si128(_mm512_mask_blend_epi8(_mm512_movepi8_mask(at), low, high))
-    };
     // SAFETY: guaranteed by the caller.
-    let cut = unsafe { any(requantise, bytes, acc, target, look_up) };
-    cut.unwrap_or_else(|| requantise.portable(bytes, acc, target))
+    unsafe { Job::new(requantise, bytes, acc, target).and_then(|job| job.run::<VBMI>()) }
+        .unwrap_or_else(|| requantise.portable(bytes, acc, target))
 }
 
-/// # Safety
-/// The processor has AVX-512.
-#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-pub(super) unsafe fn run(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
-    // SAFETY: guaranteed by the caller.
-    let Some(cut) = (unsafe { any(requantise, bytes, acc, target, |codes| codes) }) else {
-        return requantise.portable(bytes, acc, target);
-    };
-    if let Some(table) = requantise.table {
-        let (start, pitch) = target.place(requantise.out, requantise.first);
-        for p in 0..target.pixels {
-            for code in &mut bytes[start + p * pitch..][..requantise.channels] {
-                *code = table[*code as usize & 255];
+/// A block of sums with the places of its codes.
+struct Job<'a> {
+    requantise: &'a Requantise<'a>,
+    acc: &'a Accumulators,
+    bytes: *mut u8,
+    pixels: usize,
+    /// First byte of the output and bytes from pixel to pixel; the same of the added map.
+    to: (usize, usize),
+    added: (usize, usize),
+    /// Which results count as cut.
+    count: u8,
+}
+
+impl<'a> Job<'a> {
+    /// Returns `None` if a read or write would leave the slices, or if this file cannot compute the operator.
+    #[inline(always)]
+    fn new(requantise: &'a Requantise<'a>, bytes: &mut [u8], acc: &'a Accumulators, target: &Target) -> Option<Self> {
+        let place = |t: &Tensor| {
+            let (at, pitch) = target.place(t, requantise.first);
+            let reach = target.pixels.saturating_sub(1) * pitch + requantise.channels;
+            (at + reach + (t.dtype.bytes() - 1) * t.plane_bytes() <= bytes.len()).then_some((at, pitch))
+        };
+        let added = requantise.add.as_ref().map_or(Some((0, 0)), place)?;
+        let to = place(requantise.out)?;
+        let count = match (requantise.ceiling > requantise.hi, requantise.floor < requantise.lo) {
+            (true, true) => NOTHING,
+            (false, true) => ABOVE,
+            _ => BOTH,
+        };
+        // No network adds a tensor and maps through a table, or has a table after a short shift, or in 16 bits.
+        let table = requantise.table.is_some_and(|table| table.len() == 256);
+        let usual = requantise.add.is_none() && requantise.shift >= 32 && requantise.out.dtype == Dtype::U8;
+        let known = table == requantise.table.is_some() && table == (count == NOTHING) && (!table || usual);
+        // With a shift of up to 53, the zero code can be added before the shift to sums of 2^61, added products of 2^60 and half.
+        let fits = requantise.shift <= 53 && target.pixels * requantise.width <= ACCUMULATORS;
+        let bytes = bytes.as_mut_ptr();
+        (known && fits).then_some(Self { requantise, acc, bytes, pixels: target.pixels, to, added, count })
+    }
+
+    /// Returns how many results were cut; `None` for an operator that no network has.
+    ///
+    /// # Safety
+    /// The processor has AVX-512, with VBMI if `VBMI`.
+    #[inline(always)]
+    unsafe fn run<const VBMI: bool>(&self) -> Option<u64> {
+        let long = self.requantise.shift < 32;
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            Some(match (self.requantise.add.map(|add| add.dtype), long, self.count) {
+                (None, false, NOTHING) => self.wide::<VBMI, 0, false, NOTHING>(),
+                (None, false, ABOVE) => self.wide::<VBMI, 0, false, ABOVE>(),
+                (None, false, _) => self.wide::<VBMI, 0, false, BOTH>(),
+                (None, true, ABOVE) => self.wide::<VBMI, 0, true, ABOVE>(),
+                (None, true, _) => self.wide::<VBMI, 0, true, BOTH>(),
+                (Some(Dtype::U8), false, ABOVE) => self.wide::<VBMI, 1, false, ABOVE>(),
+                (Some(Dtype::U8), false, _) => self.wide::<VBMI, 1, false, BOTH>(),
+                (Some(Dtype::U8), true, ABOVE) => self.wide::<VBMI, 1, true, ABOVE>(),
+                (Some(Dtype::U8), true, _) => self.wide::<VBMI, 1, true, BOTH>(),
+                (Some(Dtype::I16), false, ABOVE) => self.wide::<VBMI, 2, false, ABOVE>(),
+                (Some(Dtype::I16), false, _) => self.wide::<VBMI, 2, false, BOTH>(),
+                (Some(Dtype::I16), true, ABOVE) => self.wide::<VBMI, 2, true, ABOVE>(),
+                (Some(Dtype::I16), true, _) => self.wide::<VBMI, 2, true, BOTH>(),
+                (Some(Dtype::F32), ..) => return None,
+            })
+        }
+    }
+
+    /// # Safety
+    /// As [`Self::run`].
+    #[inline(always)]
+    unsafe fn wide<const VBMI: bool, const ADD: u8, const LONG: bool, const COUNT: u8>(&self) -> u64 {
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            if self.requantise.out.dtype == Dtype::I16 {
+                self.panel::<VBMI, ADD, LONG, COUNT, true>()
+            } else {
+                self.panel::<VBMI, ADD, LONG, COUNT, false>()
             }
         }
     }
-    cut
+
+    /// Rounds vector by vector.
+    ///
+    /// # Safety
+    /// As [`Self::run`].
+    #[inline(always)]
+    unsafe fn panel<const VBMI: bool, const ADD: u8, const LONG: bool, const COUNT: u8, const WIDE: bool>(
+        &self,
+    ) -> u64 {
+        let mut cut = 0;
+        for first in (0..self.requantise.channels).step_by(LANES) {
+            let channels = (self.requantise.channels - first).min(LANES);
+            // SAFETY: guaranteed by the caller; `first` is 0 or 16.
+            cut += unsafe {
+                match (VBMI, channels) {
+                    (true, 16) => vector_vbmi::<ADD, LONG, COUNT, WIDE, 16>(self, first, channels),
+                    (true, 12) => vector_vbmi::<ADD, LONG, COUNT, WIDE, 12>(self, first, channels),
+                    (true, 8) => vector_vbmi::<ADD, LONG, COUNT, WIDE, 8>(self, first, channels),
+                    (true, _) => vector_vbmi::<ADD, LONG, COUNT, WIDE, 0>(self, first, channels),
+                    (false, 16) => vector::<ADD, LONG, COUNT, WIDE, 16>(self, first, channels),
+                    (false, 12) => vector::<ADD, LONG, COUNT, WIDE, 12>(self, first, channels),
+                    (false, 8) => vector::<ADD, LONG, COUNT, WIDE, 8>(self, first, channels),
+                    (false, _) => vector::<ADD, LONG, COUNT, WIDE, 0>(self, first, channels),
+                }
+            };
+        }
+        cut
+    }
 }
 
-/// The loop without the parts that an operator does not need. `None` if it cannot compute this operator.
-///
 /// # Safety
-/// The processor has AVX-512.
-#[inline(always)]
-unsafe fn any(
-    requantise: &Requantise<'_>,
-    bytes: &mut [u8],
-    acc: &Accumulators,
-    target: &Target,
-    look_up: impl Fn(__m128i) -> __m128i,
-) -> Option<u64> {
-    // With a shift of up to 53, the zero code can be added before the shift to sums of 2^61, added products of 2^60 and half.
-    if requantise.shift > 53 {
-        return None;
-    }
-    let count = match (requantise.ceiling > requantise.hi, requantise.floor < requantise.lo) {
-        (true, true) => NOTHING,
-        (false, true) => ABOVE,
-        _ => BOTH,
-    };
+/// As [`Vector::new`].
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn vector<const ADD: u8, const LONG: bool, const COUNT: u8, const WIDE: bool, const SHAPE: usize>(
+    job: &Job<'_>,
+    first: usize,
+    channels: usize,
+) -> u64 {
     // SAFETY: guaranteed by the caller.
-    unsafe {
-        match (requantise.add.is_some(), requantise.shift < 32, count) {
-            (false, false, NOTHING) => round::<false, false, NOTHING>(requantise, bytes, acc, target, look_up),
-            (false, false, ABOVE) => round::<false, false, ABOVE>(requantise, bytes, acc, target, look_up),
-            (false, false, _) => round::<false, false, BOTH>(requantise, bytes, acc, target, look_up),
-            (false, true, ABOVE) => round::<false, true, ABOVE>(requantise, bytes, acc, target, look_up),
-            (false, true, BOTH) => round::<false, true, BOTH>(requantise, bytes, acc, target, look_up),
-            (true, false, ABOVE) => round::<true, false, ABOVE>(requantise, bytes, acc, target, look_up),
-            (true, false, BOTH) => round::<true, false, BOTH>(requantise, bytes, acc, target, look_up),
-            (true, true, ABOVE) => round::<true, true, ABOVE>(requantise, bytes, acc, target, look_up),
-            (true, true, BOTH) => round::<true, true, BOTH>(requantise, bytes, acc, target, look_up),
-            // No network adds a tensor and maps through a table, or has a table after so short a shift.
-            (_, _, _) => None,
+    unsafe { Vector::<false, ADD, LONG, COUNT, WIDE, SHAPE>::new(job, first, channels).pixels() }
+}
+
+/// # Safety
+/// As [`Vector::new`].
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi")]
+unsafe fn vector_vbmi<const ADD: u8, const LONG: bool, const COUNT: u8, const WIDE: bool, const SHAPE: usize>(
+    job: &Job<'_>,
+    first: usize,
+    channels: usize,
+) -> u64 {
+    // SAFETY: guaranteed by the caller.
+    unsafe { Vector::<true, ADD, LONG, COUNT, WIDE, SHAPE>::new(job, first, channels).pixels() }
+}
+
+/// Up to 16 channels with what is the same for all pixels. `ADD` is the number of bytes of an added sample. With `LONG` the shift is below 32,
+/// and results, which may have more than 31 bits, are clamped in 64 bits first. With `WIDE` codes have two bytes. `SHAPE` is the number of
+/// channels: 16, 12, or 8 of two pixels side by side; 0 for any other.
+struct Vector<
+    'a,
+    const VBMI: bool,
+    const ADD: u8,
+    const LONG: bool,
+    const COUNT: u8,
+    const WIDE: bool,
+    const SHAPE: usize,
+> {
+    job: &'a Job<'a>,
+    channels: usize,
+    mask: u16,
+    acc: *const i32,
+    to: *mut u8,
+    added: *const u8,
+    bias: __m512i,
+    multiplier: [__m512i; 2],
+    add_multiplier: [__m512i; 2],
+    half: __m512i,
+    lo: __m512i,
+    hi: __m512i,
+    shift: __m128i,
+    add_shift: __m128i,
+    tables: [__m512i; 4],
+}
+
+impl<const VBMI: bool, const ADD: u8, const LONG: bool, const COUNT: u8, const WIDE: bool, const SHAPE: usize>
+    Vector<'_, VBMI, ADD, LONG, COUNT, WIDE, SHAPE>
+{
+    /// # Safety
+    /// The processor has AVX-512, with VBMI if `VBMI`; [`Job::new`]; `first` is 0 or 16, and these channels exist.
+    #[inline(always)] // Into functions that have the target features, here and below.
+    unsafe fn new<'a>(
+        job: &'a Job<'a>,
+        first: usize,
+        channels: usize,
+    ) -> Vector<'a, VBMI, ADD, LONG, COUNT, WIDE, SHAPE> {
+        let r = job.requantise;
+        // SAFETY: lists have 32 entries, a table 256; the caller has the instructions.
+        unsafe {
+            let list = |values: &[i32; PANEL]| {
+                let all = _mm512_loadu_si512(values.as_ptr().add(first).cast());
+                if SHAPE == 8 { _mm512_shuffle_i64x2::<0b01_00_01_00>(all, all) } else { all }
+            };
+            let (multiplier, add_multiplier) = (list(&r.multiplier), list(&r.add_multiplier));
+            let table = r.table.filter(|_| VBMI && COUNT == NOTHING);
+            let shift = r.shift as i64 - if LONG { 0 } else { 32 };
+            Vector {
+                job,
+                channels,
+                mask: ((1u32 << channels) - 1) as u16,
+                acc: job.acc.as_ptr().add(first),
+                to: job.bytes.add(job.to.0 + first),
+                added: job.bytes.add(job.added.0 + if ADD > 0 { first } else { 0 }),
+                bias: list(&r.bias),
+                multiplier: [multiplier, _mm512_srli_epi64::<32>(multiplier)],
+                add_multiplier: [add_multiplier, _mm512_srli_epi64::<32>(add_multiplier)],
+                half: _mm512_set1_epi64(r.half + (r.zero << r.shift)),
+                lo: _mm512_set1_epi32(r.lo as i32),
+                hi: _mm512_set1_epi32(r.hi as i32),
+                shift: _mm_cvtsi64_si128(shift),
+                add_shift: _mm_cvtsi64_si128(r.add_shift as i64),
+                tables: [0, 64, 128, 192].map(|at| match table {
+                    Some(table) => _mm512_loadu_si512(table.as_ptr().add(at).cast()),
+                    None => _mm512_setzero_si512(),
+                }),
+            }
         }
     }
-}
 
-/// With a shift of 32 or more results have 31 bits. With less (`LONG`) they may have more, and are clamped in 64 bits first.
-///
-/// # Safety
-/// The processor has AVX-512.
-#[inline(always)] // Into functions that have the target features.
-unsafe fn round<const ADD: bool, const LONG: bool, const COUNT: u8>(
-    requantise: &Requantise<'_>,
-    bytes: &mut [u8],
-    acc: &Accumulators,
-    target: &Target,
-    look_up: impl Fn(__m128i) -> __m128i,
-) -> Option<u64> {
-    let out = requantise.out;
-    let [(start, pitch), (added_at, added_pitch)] = places(requantise, target, bytes.len())?;
-    let at = bytes.as_mut_ptr();
-    // SAFETY: the caller has the instructions, here and below.
-    unsafe {
-        let half = _mm512_set1_epi64(requantise.half + (requantise.zero << requantise.shift));
-        let (lo, hi) = (_mm512_set1_epi32(requantise.lo as i32), _mm512_set1_epi32(requantise.hi as i32));
-        let shift = _mm_cvtsi64_si128(requantise.shift as i64);
-        let odd_shift = if LONG { shift } else { _mm_cvtsi64_si128(requantise.shift as i64 - 32) };
-        let add_shift = _mm_cvtsi64_si128(requantise.add_shift as i64);
-        // With eight channels a vector holds two pixels.
-        let together = if requantise.width == 8 { 2 } else { 1 };
-        let (mut cuts, one) = (_mm512_setzero_si512(), _mm512_set1_epi32(1));
-        let mut first = 0;
-        while first < requantise.channels {
-            let channels = (requantise.channels - first).min(LANES / together);
-            let mask = ((1u32 << channels) - 1) as u16;
-            // Lists have 32 entries and `first` is 0 or 16; `places` and masks bound the other accesses.
-            let bias = list(&requantise.bias, first, together);
-            let multiplier = list(&requantise.multiplier, first, together);
-            let multiplier_odd = _mm512_srli_epi64::<32>(multiplier);
-            let add_multiplier = list(&requantise.add_multiplier, first, together);
-            let add_multiplier_odd = _mm512_srli_epi64::<32>(add_multiplier);
+    /// Rounds all pixels; returns how many results were cut.
+    ///
+    /// # Safety
+    /// As [`Self::new`].
+    #[inline(always)]
+    unsafe fn pixels(&self) -> u64 {
+        let (pixels, together) = (self.job.pixels, if SHAPE == 8 { 2 } else { 1 });
+        // SAFETY: guaranteed by the caller; sums and codes of these pixels are within the slices.
+        unsafe {
+            let mut cuts = _mm512_setzero_si512();
             let mut p = 0;
-            while p < target.pixels {
-                let now = (target.pixels - p).min(together);
-                let there = if now == 2 { mask | mask << 8 } else { mask };
-                let from = acc.as_ptr().add(p * requantise.width + first);
-                let v = _mm512_add_epi32(sums(from, together, now), bias);
-                let mut even = _mm512_add_epi64(_mm512_mul_epi32(v, multiplier), half);
-                let odd = _mm512_srli_epi64::<32>(v);
-                let mut odd = _mm512_add_epi64(_mm512_mul_epi32(odd, multiplier_odd), half);
-                if let (true, Some(add)) = (ADD, &requantise.add) {
-                    let from = at.add(added_at + p * added_pitch + first);
-                    let value = values(add, from, added_pitch, mask, now);
-                    let product = _mm512_mul_epi32(value, add_multiplier);
-                    even = _mm512_add_epi64(even, _mm512_sll_epi64(product, add_shift));
-                    let product = _mm512_mul_epi32(_mm512_srli_epi64::<32>(value), add_multiplier_odd);
-                    odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, add_shift));
-                }
-                let v = join::<LONG>(even, odd, shift, odd_shift);
-                let code = _mm512_min_epi32(_mm512_max_epi32(v, lo), hi);
-                if COUNT != NOTHING {
-                    let cut = match COUNT {
-                        ABOVE => _mm512_mask_cmpgt_epi32_mask(there, v, hi),
-                        _ => _mm512_mask_cmpneq_epi32_mask(there, v, code),
-                    };
-                    cuts = _mm512_mask_add_epi32(cuts, cut, cuts, one);
-                }
-                let to = at.add(start + p * pitch + first);
-                store(to, pitch, channels, now, look_up(_mm512_cvtepi32_epi8(code)));
-                if out.dtype == Dtype::I16 {
-                    store(to.add(out.plane_bytes()), pitch, channels, now, high(code));
-                }
+            while p + together <= pixels {
+                self.round::<false>(p, &mut cuts);
                 p += together;
             }
-            first += LANES;
+            if p < pixels {
+                self.round::<true>(p, &mut cuts);
+            }
+            _mm512_reduce_add_epi32(cuts) as u64
         }
-        Some(_mm512_reduce_add_epi32(cuts) as u64)
     }
-}
 
-/// Returns where the output and the added map begin, and bytes from pixel to pixel; `None` if a read or write leaves the slices.
-#[inline(always)]
-fn places(requantise: &Requantise<'_>, target: &Target, bytes: usize) -> Option<[(usize, usize); 2]> {
-    let place = |t: &Tensor| {
-        let (at, pitch) = target.place(t, requantise.first);
-        let reach = target.pixels.saturating_sub(1) * pitch + requantise.channels;
-        (at + reach + (t.dtype.bytes() - 1) * t.plane_bytes() <= bytes).then_some((at, pitch))
-    };
-    let added = requantise.add.as_ref().map_or(Some((0, 0)), place)?;
-    (target.pixels * requantise.width <= ACCUMULATORS).then_some([place(requantise.out)?, added])
-}
-
-/// Reads the sums of a pixel, or of two with eight channels each (`together` 2), of which `now` are there. Loads have the size of the matrix
-/// product's stores; loads of another size would wait for the cache.
-///
-/// # Safety
-/// The processor has AVX-512; these sums are readable.
-#[inline(always)] // Into functions that have the target features.
-unsafe fn sums(from: *const i32, together: usize, now: usize) -> __m512i {
-    // SAFETY: guaranteed by the caller.
-    unsafe {
-        if together == 1 {
-            return _mm512_loadu_si512(from.cast());
+    /// Rounds one pixel, or two; `ALONE` is the last one of an odd number of pixels.
+    ///
+    /// # Safety
+    /// As [`Self::new`]; the pixels exist.
+    #[inline(always)]
+    unsafe fn round<const ALONE: bool>(&self, p: usize, cuts: &mut __m512i) {
+        let two = SHAPE == 8 && !ALONE;
+        let r = self.job.requantise;
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            let from = self.acc.add(p * r.width);
+            let sums = if SHAPE == 8 {
+                // Loads have the size of the matrix product's stores; loads of another size would wait for the cache.
+                let first = _mm512_castsi256_si512(_mm256_loadu_si256(from.cast()));
+                let second = if two { from.add(r.width) } else { from };
+                _mm512_inserti64x4::<1>(first, _mm256_loadu_si256(second.cast()))
+            } else {
+                _mm512_loadu_si512(from.cast())
+            };
+            let v = _mm512_add_epi32(sums, self.bias);
+            let odd = _mm512_srli_epi64::<32>(v);
+            let mut even = _mm512_add_epi64(_mm512_mul_epi32(v, self.multiplier[0]), self.half);
+            let mut odd = _mm512_add_epi64(_mm512_mul_epi32(odd, self.multiplier[1]), self.half);
+            if ADD > 0 {
+                let value = self.added::<ALONE>(p);
+                let product = _mm512_mul_epi32(value, self.add_multiplier[0]);
+                even = _mm512_add_epi64(even, _mm512_sll_epi64(product, self.add_shift));
+                let product = _mm512_mul_epi32(_mm512_srli_epi64::<32>(value), self.add_multiplier[1]);
+                odd = _mm512_add_epi64(odd, _mm512_sll_epi64(product, self.add_shift));
+            }
+            let v = if LONG {
+                join::<true>(even, odd, self.shift, self.shift)
+            } else {
+                // The upper halves of both, side by side.
+                let upper = _mm512_mask_shuffle_epi32::<0b11_11_01_01>(odd, 0x5555, even);
+                _mm512_sra_epi32(upper, self.shift)
+            };
+            let code = _mm512_min_epi32(_mm512_max_epi32(v, self.lo), self.hi);
+            if COUNT != NOTHING {
+                let there = match SHAPE {
+                    16 => u16::MAX,
+                    8 if two => u16::MAX,
+                    _ => self.mask,
+                };
+                let cut = match COUNT {
+                    ABOVE => _mm512_mask_cmpgt_epi32_mask(there, v, self.hi),
+                    _ => _mm512_mask_cmpneq_epi32_mask(there, v, code),
+                };
+                *cuts = _mm512_mask_add_epi32(*cuts, cut, *cuts, _mm512_set1_epi32(1));
+            }
+            let to = self.to.add(p * self.job.to.1);
+            self.store::<ALONE>(to, self.look_up(self.bytes::<0>(code)));
+            if WIDE {
+                let upper = _mm_xor_si128(self.bytes::<1>(code), _mm_set1_epi8(i8::MIN));
+                self.store::<ALONE>(to.add(r.out.plane_bytes()), upper);
+            }
         }
-        let next = _mm256_loadu_si256(from.add(8 * (now - 1)).cast());
-        _mm512_inserti64x4::<1>(_mm512_castsi256_si512(_mm256_loadu_si256(from.cast())), next)
+    }
+
+    /// Byte `BYTE` of every lane.
+    ///
+    /// # Safety
+    /// The processor has AVX-512, with VBMI if `VBMI`.
+    #[inline(always)]
+    unsafe fn bytes<const BYTE: u32>(&self, code: __m512i) -> __m128i {
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            if VBMI {
+                let every_fourth = _mm_setr_epi8(0, 4, 8, 12, 16, 20, 24, 28, 32, 36, 40, 44, 48, 52, 56, 60);
+                let places = _mm_add_epi8(every_fourth, _mm_set1_epi8(BYTE as i8));
+                _mm512_castsi512_si128(_mm512_permutexvar_epi8(_mm512_castsi128_si512(places), code))
+            } else if BYTE == 0 {
+                _mm512_cvtepi32_epi8(code)
+            } else {
+                _mm512_cvtepi32_epi8(_mm512_srli_epi32::<8>(code))
+            }
+        }
+    }
+
+    /// Maps codes through the table, if there is one.
+    ///
+    /// # Safety
+    /// The processor has AVX-512, with VBMI if `VBMI`.
+    #[inline(always)]
+    unsafe fn look_up(&self, codes: __m128i) -> __m128i {
+        let Some(table) = self.job.requantise.table.filter(|_| COUNT == NOTHING) else { return codes };
+        // SAFETY: guaranteed by the caller; [`Job::new`] has compared the length of the table.
+        unsafe {
+            if VBMI {
+                let at = _mm512_castsi128_si512(codes);
+                let low = _mm512_permutex2var_epi8(self.tables[0], at, self.tables[1]);
+                let high = _mm512_permutex2var_epi8(self.tables[2], at, self.tables[3]);
+                return _mm512_castsi512_si128(_mm512_mask_blend_epi8(_mm512_movepi8_mask(at), low, high));
+            }
+            let mut bytes = [0u8; LANES];
+            _mm_storeu_si128(bytes.as_mut_ptr().cast(), codes);
+            let mapped = bytes.map(|code| *table.get_unchecked(code as usize));
+            _mm_loadu_si128(mapped.as_ptr().cast())
+        }
+    }
+
+    /// Reads the values of the added map.
+    ///
+    /// # Safety
+    /// As [`Self::round`].
+    #[inline(always)]
+    unsafe fn added<const ALONE: bool>(&self, p: usize) -> __m512i {
+        let pitch = self.job.added.1;
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            let Some(add) = &self.job.requantise.add else { return _mm512_setzero_si512() };
+            let load = |from: *const u8| {
+                let first = match SHAPE {
+                    16 => _mm_loadu_si128(from.cast()),
+                    8 => _mm_loadl_epi64(from.cast()),
+                    _ => _mm_maskz_loadu_epi8(self.mask, from.cast()),
+                };
+                let both = SHAPE == 8 && !ALONE;
+                if both { _mm_unpacklo_epi64(first, _mm_loadl_epi64(from.add(pitch).cast())) } else { first }
+            };
+            let from = self.added.add(p * pitch);
+            let low = _mm512_cvtepu8_epi32(load(from));
+            if ADD == 1 {
+                return _mm512_sub_epi32(low, _mm512_set1_epi32(add.zero));
+            }
+            let high = _mm512_cvtepu8_epi32(load(from.add(add.plane_bytes())));
+            _mm512_sub_epi32(_mm512_add_epi32(low, _mm512_slli_epi32::<8>(high)), _mm512_set1_epi32(128 * 256))
+        }
+    }
+
+    /// Stores whole halves and words, because masked stores of bytes are slow on some processors.
+    ///
+    /// # Safety
+    /// As [`Self::round`].
+    #[inline(always)]
+    unsafe fn store<const ALONE: bool>(&self, to: *mut u8, codes: __m128i) {
+        // SAFETY: guaranteed by the caller.
+        unsafe {
+            match SHAPE {
+                16 => _mm_storeu_si128(to.cast(), codes),
+                12 => {
+                    _mm_storel_epi64(to.cast(), codes);
+                    to.add(8).cast::<i32>().write_unaligned(_mm_extract_epi32::<2>(codes));
+                }
+                8 => {
+                    _mm_storel_epi64(to.cast(), codes);
+                    if !ALONE {
+                        _mm_storeh_pd(to.add(self.job.to.1).cast(), _mm_castsi128_pd(codes));
+                    }
+                }
+                _ => {
+                    let mut bytes = [0u8; LANES];
+                    _mm_storeu_si128(bytes.as_mut_ptr().cast(), codes);
+                    core::ptr::copy_nonoverlapping(bytes.as_ptr(), to, self.channels);
+                }
+            }
+        }
     }
 }
 
@@ -246,80 +458,4 @@ pub(super) unsafe fn join<const LONG: bool>(
 pub(super) unsafe fn high(code: __m512i) -> __m128i {
     // SAFETY: guaranteed by the caller.
     unsafe { _mm512_cvtepi32_epi8(_mm512_add_epi32(_mm512_srai_epi32::<8>(code), _mm512_set1_epi32(128))) }
-}
-
-/// Reads constants of 16 lanes.
-///
-/// # Safety
-/// The processor has AVX-512; `first` is 0 or 16.
-#[inline(always)] // Into functions that have the target features.
-unsafe fn list(values: &[i32; PANEL], first: usize, together: usize) -> __m512i {
-    // SAFETY: 16 of 32 entries; the caller has the instructions.
-    unsafe {
-        let all = _mm512_loadu_si512(values.as_ptr().add(first.min(LANES)).cast());
-        if together == 2 { _mm512_shuffle_i64x2::<0b01_00_01_00>(all, all) } else { all }
-    }
-}
-
-/// Reads the values of the added map for one or two pixels.
-///
-/// # Safety
-/// The processor has AVX-512; bytes are readable where the mask is set.
-#[inline(always)] // Into functions that have the target features.
-unsafe fn values(add: &Tensor, from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m512i {
-    // SAFETY: guaranteed by the caller.
-    unsafe {
-        let low = _mm512_cvtepu8_epi32(load(from, pitch, mask, pixels));
-        if add.dtype == Dtype::U8 {
-            return _mm512_sub_epi32(low, _mm512_set1_epi32(add.zero));
-        }
-        let high = _mm512_cvtepu8_epi32(load(from.add(add.plane_bytes()), pitch, mask, pixels));
-        _mm512_sub_epi32(_mm512_add_epi32(low, _mm512_slli_epi32::<8>(high)), _mm512_set1_epi32(128 * 256))
-    }
-}
-
-/// # Safety
-/// The processor has AVX-512; bytes are readable where the mask is set.
-#[inline(always)] // Into functions that have the target features.
-unsafe fn load(from: *const u8, pitch: usize, mask: u16, pixels: usize) -> __m128i {
-    // SAFETY: guaranteed by the caller.
-    unsafe {
-        let first = _mm_maskz_loadu_epi8(mask, from.cast());
-        if pixels == 1 {
-            return first;
-        }
-        _mm_unpacklo_epi64(first, _mm_maskz_loadu_epi8(mask, from.add(pitch).cast()))
-    }
-}
-
-/// Stores whole halves and words, because masked stores of bytes are slow on some processors.
-///
-/// # Safety
-/// The processor has AVX-512; `channels` bytes per pixel are writable.
-#[inline(always)] // Into functions that have the target features.
-unsafe fn store(to: *mut u8, pitch: usize, channels: usize, pixels: usize, codes: __m128i) {
-    // SAFETY: guaranteed by the caller.
-    unsafe {
-        match channels {
-            16 => _mm_storeu_si128(to.cast(), codes),
-            8 => {
-                _mm_storel_epi64(to.cast(), codes);
-                if pixels == 2 {
-                    _mm_storel_epi64(to.add(pitch).cast(), _mm_unpackhi_epi64(codes, codes));
-                }
-            }
-            12 => {
-                _mm_storel_epi64(to.cast(), codes);
-                to.add(8).cast::<i32>().write_unaligned(_mm_extract_epi32::<2>(codes));
-            }
-            _ => {
-                let mut bytes = [0u8; 16];
-                _mm_storeu_si128(bytes.as_mut_ptr().cast(), codes);
-                core::ptr::copy_nonoverlapping(bytes.as_ptr(), to, channels);
-                if pixels == 2 {
-                    core::ptr::copy_nonoverlapping(bytes.as_ptr().add(8), to.add(pitch), channels);
-                }
-            }
-        }
-    }
 }

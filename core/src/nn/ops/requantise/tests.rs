@@ -1,11 +1,12 @@
 //! The sums that each channel of a model can have, through every kernel, against the specification.
 
 use super::*;
+use crate::nn::Model;
 use crate::nn::file::{Edge, Operator, VARIANT_KINDS};
 use crate::nn::kernels::requantise::Target;
 use crate::nn::kernels::{ACCUMULATORS, Accumulators, pixels_at_once};
 use crate::nn::panels::{groups, panels};
-use crate::nn::{Kernel, Model};
+use crate::nn::tests::kernels;
 use crate::quant::round_shift;
 use std::path::Path;
 
@@ -18,7 +19,7 @@ type Form = (&'static str, fn(&Requantise<'_>, &mut [u8], &Accumulators, &Target
 
 /// Returns the kernels of this machine, and the form that processors without vectors run.
 fn forms() -> Vec<Form> {
-    let kernels = Kernel::available().map(|kernel| (kernel.name(), kernel.requantise));
+    let kernels = kernels().into_iter().map(|kernel| (kernel.name(), kernel.requantise));
     let by_channels: Form = ("scalar-by-channels", |r, bytes, acc, target| r.by_channels(bytes, acc, target));
     kernels.chain([by_channels]).collect()
 }
