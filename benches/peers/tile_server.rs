@@ -32,7 +32,7 @@ fn main() -> ExitCode {
 }
 
 fn open(path: &str, kernel: Option<&str>) -> Result<Int8Model, Box<dyn Error>> {
-    let model = int8::open(Path::new(path))?;
+    let model = int8::open(Path::new(path))?.in_large_steps()?;
     let Some(name) = kernel else { return Ok(model) };
     let found = kernels::kernels().find(|kernel| kernel.name() == name);
     Ok(model.with_kernel(found.ok_or_else(|| format!("expected a kernel of this processor, found {name}"))?))

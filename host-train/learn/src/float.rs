@@ -24,8 +24,8 @@ use std::path::Path;
 pub fn open_any(path: &Path, backend: Backend) -> Result<Box<dyn TileModel>> {
     match path.extension().and_then(|extension| extension.to_str()) {
         Some("safetensors") => Ok(Box::new(open(path, backend)?)),
-        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
-        Some("eld") => Ok(Box::new(int8::open(path)?)),
+        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?.in_large_steps()?)),
+        Some("eld") => Ok(Box::new(int8::open(path)?.in_large_steps()?)),
         _ => Err(Error::unsupported(
             path,
             "expected a model with extension .eld or .safetensors, or one of this program: ground, nano",

@@ -28,7 +28,7 @@ impl Model {
     /// Opens a shipped model by its name, or a file.
     #[new]
     fn new(py: Python<'_>, path: &str) -> PyResult<Self> {
-        let opened = py.detach(|| int8::open(Path::new(path)));
+        let opened = py.detach(|| int8::open(Path::new(path))?.in_large_steps());
         Ok(Self { model: Arc::new(opened.map_err(|error| errors::raise(py, &error))?) })
     }
 

@@ -102,12 +102,12 @@ pub(crate) fn run<I: Isa>(
     let (input, out) = (prepared.input(0), prepared.out);
     let (rows, cols) = (a.piece(out.rows, a.shift_rows, step), a.piece(out.cols, a.shift_cols, unit));
     let window = TokenWindow { a, input: &input, rows, cols };
-    let mut cut = 0;
+    let (mut cut, mut acc) = (0, [0; ACCUMULATORS]);
     for head in 0..a.heads {
         let (offsets, layout) = pack(constants, &window, &out, arena, head);
         let head = Head { constants, window: &window, out: &out, head, layout, offsets: &offsets };
         for row in rows.0..rows.1.min(out.rows) {
-            cut += head.row(isa, arena, row);
+            cut += head.row(isa, arena, &mut acc, row);
         }
     }
     if cols.1 >= out.cols {
@@ -234,18 +234,18 @@ struct Head<'a, 'm> {
 impl Head<'_, '_> {
     /// Computes the queries of row `row` of the map.
     #[inline(always)]
-    fn row<I: Isa>(&self, isa: &mut I, arena: &mut Arena<'_>, row: usize) -> u64 {
+    fn row<I: Isa>(&self, isa: &mut I, arena: &mut Arena<'_>, acc: &mut Accumulators, row: usize) -> u64 {
         let (a, out) = (self.window.a, self.out);
         let channels = out.channels / a.heads.max(1);
         let cols = self.window.cols.0..self.window.cols.1.min(out.cols);
-        let logits = self.products(isa, arena, row, cols.len());
+        let logits = self.products(isa, arena, acc, row, cols.len());
         let mut reciprocals = [0i32; MAX_WINDOW];
         for (q, (reciprocal, logits)) in reciprocals.iter_mut().zip(&logits).take(cols.len()).enumerate() {
             *reciprocal = reciprocal_of(self.exponentials::<I>(arena, logits, row, q));
         }
         let multiplier = self.constants.i32_at(a.multipliers, self.head);
         let exp = arena.scratch + self.layout.keys + self.layout.values;
-        let (mut cut, mut acc): (u64, Accumulators) = (0, [0; ACCUMULATORS]);
+        let mut cut = 0;
         for (first, width) in panels(channels) {
             let groups = groups(self.window.tokens());
             let start = arena.scratch + self.layout.keys + 4 * first * groups;
@@ -254,10 +254,10 @@ impl Head<'_, '_> {
                 let starts = [exp + plane * self.layout.row];
                 let patch = Patch { bytes: arena.bytes, starts: &starts, stride: 2 * self.layout.row, groups };
                 if plane == 1 {
-                    isa.gemm_from_zero(&mut acc, cols.len(), &patch, weights, width);
-                    head_mut(&mut acc, cols.len() * width).iter_mut().for_each(|a| *a <<= 8);
+                    isa.gemm_from_zero(acc, cols.len(), &patch, weights, width);
+                    head_mut(acc, cols.len() * width).iter_mut().for_each(|a| *a <<= 8);
                 } else {
-                    isa.gemm(&mut acc, cols.len(), &patch, weights, width);
+                    isa.gemm(acc, cols.len(), &patch, weights, width);
                 }
             }
             let channel = self.head * channels + first;
@@ -308,6 +308,7 @@ impl Head<'_, '_> {
         &self,
         isa: &mut I,
         arena: &Arena<'_>,
+        acc: &mut Accumulators,
         row: usize,
         queries: usize,
     ) -> [[i32; MAX_TOKENS]; MAX_WINDOW] {
@@ -318,14 +319,14 @@ impl Head<'_, '_> {
         let q = t.row_offset(row) + (t.margin + self.window.cols.0) * t.channels + self.head * channels;
         let starts = [q];
         let patch = Patch { bytes: arena.bytes, starts: &starts, stride: t.channels, groups };
-        let (mut logits, mut acc): (_, Accumulators) = ([[0; MAX_TOKENS]; MAX_WINDOW], [0; ACCUMULATORS]);
+        let mut logits = [[0; MAX_TOKENS]; MAX_WINDOW];
         for (first, width) in panels(tokens) {
             let start = arena.scratch + 4 * first * groups;
             let weights = part(arena.bytes, start, 4 * width * groups);
-            isa.gemm_from_zero(&mut acc, queries, &patch, weights, width);
+            isa.gemm_from_zero(acc, queries, &patch, weights, width);
             let count = (tokens - first).min(width);
             for (q, logits) in logits.iter_mut().take(queries).enumerate() {
-                let (acc, offsets) = (part(&acc, q * width, count), part(self.offsets, first, count));
+                let (acc, offsets) = (part(acc, q * width, count), part(self.offsets, first, count));
                 for ((logit, acc), offset) in part_mut(logits, first, count).iter_mut().zip(acc).zip(offsets) {
                     *logit = acc.wrapping_add(*offset);
                 }

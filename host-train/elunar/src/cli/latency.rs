@@ -92,7 +92,7 @@ struct Measured {
 /// If the model cannot be read or fails its self test.
 pub fn run(args: Args) -> Result<()> {
     let kernel = kernel(args.kernel.as_deref())?;
-    let opened = int8::open(&args.model)?.with_kernel(kernel);
+    let opened = int8::open(&args.model)?.in_large_steps()?.with_kernel(kernel);
     let model = opened.model();
     let facts = Facts {
         kernel: kernel.name().into(),

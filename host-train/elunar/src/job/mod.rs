@@ -67,8 +67,8 @@ pub fn warn<'a>(warnings: impl IntoIterator<Item = &'a String>) {
 pub fn open(path: &Path) -> Result<Box<dyn TileModel>> {
     let wrong = |what| Err(Error::unsupported(path, what));
     match path.extension().and_then(|extension| extension.to_str()) {
-        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?)),
-        Some("eld") => Ok(Box::new(int8::open(path)?)),
+        None if shipped::find(path).is_some() => Ok(Box::new(int8::open(path)?.in_large_steps()?)),
+        Some("eld") => Ok(Box::new(int8::open(path)?.in_large_steps()?)),
         Some("safetensors") => {
             wrong("expected a model (.eld); `host-train` runs float weights, `export` makes a model of them")
         }

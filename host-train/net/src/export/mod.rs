@@ -15,6 +15,7 @@ mod costs;
 pub mod float;
 mod fold;
 pub mod graph;
+pub mod large_steps;
 mod pack;
 pub mod plan;
 pub mod quantise;

@@ -33,9 +33,9 @@ pub fn order_and_plan(tensors: &mut [Tensor], operators: &[Operator], inputs: &[
     best.2
 }
 
-/// Sets every tensor's ring and offset. Returns the bytes of all tensors together. `inputs` are written before the first step and `output`
+/// Sets every tensor's ring, pitch and offset. Returns the bytes of all tensors together. `inputs` are written before the first step and `output`
 /// is read after the last one, so both keep all rows.
-fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inputs: &[u32], output: u32) -> usize {
+pub fn plan(tensors: &mut [Tensor], operators: &[Operator], schedule: &[Entry], inputs: &[u32], output: u32) -> usize {
     let mut homes = find_homes(tensors, operators, schedule);
     let mut rings = vec![1; tensors.len()];
     play(tensors, operators, schedule, |play, tensor, rows| {

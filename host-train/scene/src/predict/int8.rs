@@ -3,8 +3,10 @@
 use super::network::{TileModel, TileNetwork};
 use elunar_base::digest::sha256_hex;
 use elunar_base::{Error, Result};
+use elunar_core::nn::file::{RawModel, word};
 use elunar_core::nn::{self, InputRules, Kernel, Progress, Runner, Verdict, required};
 use elunar_core::tile::Shape;
+use elunar_net::export::large_steps::{LINE, large_steps};
 use elunar_net::{kernels, shipped};
 use std::path::Path;
 
@@ -14,9 +16,30 @@ const STEP_MACS: u64 = 1 << 28;
 /// A validated `.eld` file in memory.
 pub struct Int8Model {
     kernel: Kernel,
-    bytes: Vec<u8>,
+    bytes: LineBytes,
     verdict: Verdict,
     description: String,
+}
+
+/// Bytes of a model file whose constants begin a line of the cache, as AMX and AVX-512 like it.
+struct LineBytes {
+    padded: Vec<u8>,
+    start: usize,
+}
+
+impl LineBytes {
+    fn new(bytes: &[u8]) -> Self {
+        let mut padded = vec![0; bytes.len() + LINE];
+        let constants = RawModel::new(bytes).map_or(0, |raw| raw.word(word::CONSTANTS) as usize);
+        let start = (LINE - (padded.as_ptr().addr() + constants) % LINE) % LINE;
+        padded[start..start + bytes.len()].copy_from_slice(bytes);
+        padded.truncate(start + bytes.len());
+        Self { padded, start }
+    }
+
+    fn get(&self) -> &[u8] {
+        &self.padded[self.start..]
+    }
 }
 
 /// Opens a model, a shipped one ([`elunar_net::shipped`]) or a file, and validates all of it.
@@ -27,6 +50,7 @@ pub fn open(path: &Path) -> Result<Int8Model> {
     let (name, bytes) = shipped::model(path)?;
     let verdict = nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?.verdict();
     let hash = sha256_hex(&bytes);
+    let bytes = LineBytes::new(&bytes);
     Ok(Int8Model { kernel: kernels::best(), bytes, verdict, description: format!("int8 network {name} sha256:{hash}") })
 }
 
@@ -43,12 +67,22 @@ impl Int8Model {
         self.kernel
     }
 
+    /// Replaces the file's steps by larger ones ([`large_steps`]): the same bytes, sooner, with more memory.
+    ///
+    /// # Errors
+    /// As [`large_steps`].
+    pub fn in_large_steps(self) -> Result<Self> {
+        let bytes = large_steps(&self.model())?;
+        let verdict = nn::Model::new(&bytes).map_err(|e| Error::input(format!("larger steps: {e}")))?.verdict();
+        Ok(Self { bytes: LineBytes::new(&bytes), verdict, ..self })
+    }
+
     /// Returns the validated model. Its bytes are validated when the file is opened, not again.
     ///
     /// # Panics
     /// Never: [`open`] has validated these bytes.
     pub fn model(&self) -> nn::Model<'_> {
-        nn::Model::reopen(&self.bytes, &self.verdict).expect("validated when opened")
+        nn::Model::reopen(self.bytes.get(), &self.verdict).expect("validated when opened")
     }
 }
 
@@ -67,7 +101,7 @@ impl TileModel for Int8Model {
 
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
         let model = self.model();
-        Ok(Box::new(Worker { kernel: self.kernel, model, arena: vec![0; required(&model)] }))
+        Ok(Box::new(Worker { kernel: self.kernel, model, arena: vec![0; required(&model) + LINE] }))
     }
 }
 
@@ -80,7 +114,9 @@ struct Worker<'a> {
 impl TileNetwork for Worker<'_> {
     fn predict(&mut self, image: &[f32], coarse: &[f32], output: &mut [f32]) -> Result<()> {
         let fault = |e: nn::RunError| Error::input(format!("int8 network: {e}"));
-        let mut runner = Runner::with_kernel(self.kernel, self.model, &mut self.arena).map_err(fault)?;
+        // The arena begins a line of the cache, too.
+        let start = self.arena.as_ptr().align_offset(LINE).min(LINE);
+        let mut runner = Runner::with_kernel(self.kernel, self.model, &mut self.arena[start..]).map_err(fault)?;
         runner.begin(image, coarse).map_err(fault)?;
         while runner.step(STEP_MACS).map_err(fault)? == Progress::Running {}
         runner.output(output).map_err(fault)

@@ -1,11 +1,14 @@
 //! Budgets, memory, self test and scrubbing of the runner on exported networks.
 
+use super::super::large_steps::{LINE, large_steps};
 use super::super::{CompileOptions, MapBits, export};
 use super::{CalibrationTile, random_export, random_tile, random_weights, small_config};
 use crate::config::{Illumination, NetConfig, OutputHead, TruthRange};
 use crate::illumination::{Light, LightSource, Lighting, Mirror, mirrored};
 use crate::job::JobMemory;
+use crate::shipped;
 use elunar_core::job::{Made, TileInput, TileJob, TileRules};
+use elunar_core::nn::file::Operator;
 use elunar_core::nn::{Kernel, Model, Progress, RunError, Runner, TileLight, required};
 use elunar_core::norm::ElevationScale;
 use elunar_core::photoclinometry::{Guide, GuideInput, Photoclinometry, Weight};
@@ -239,4 +242,30 @@ fn scrubbing_reads_everything_in_small_bites() {
     }
     assert_eq!(runner.telemetry().scrubbed_bytes, 2 * body as u64);
     assert!(calls >= 2 * body / 1000, "{calls} calls for {body} bytes");
+}
+
+#[test]
+fn larger_steps_give_the_same_bytes() {
+    let (made, _) = random_export(&small_config(), (64, 96), MapBits::Mixed, 15);
+    let shipped = ["nano", "ground"].map(|name| shipped::model(Path::new(name)).unwrap().1);
+    for file in [made.bytes].into_iter().chain(shipped) {
+        let model = Model::new(&file).unwrap();
+        let large = large_steps(&model).unwrap();
+        let relaid = Model::new(&large).unwrap();
+        assert_eq!(large_steps(&relaid).unwrap(), large, "once is enough");
+        assert_eq!((relaid.text(), relaid.macs(), relaid.self_test()), (model.text(), model.macs(), model.self_test()));
+        let steps =
+            |model: &Model<'_>| (0..model.entry_count()).filter_map(|i| model.entry(i)).map(|e| e.count).sum::<usize>();
+        let (more, fewer) = (steps(&model), steps(&relaid));
+        assert!(fewer < more || model.text().contains("random"), "{fewer} steps, {more} before");
+        for operator in (0..relaid.operator_count()).filter_map(|i| relaid.operator(i)) {
+            if let Operator::Conv(conv) = operator {
+                assert!(conv.weights.is_multiple_of(LINE), "{conv:?}");
+            }
+        }
+        let Shape { rows, cols } = model.tile();
+        let mut tile = random_tile(rows, cols, 16);
+        tile.image = tile.image.repeat(model.image_maps());
+        assert!(run(&large, &tile, u64::MAX) == run(&file, &tile, u64::MAX), "{}", model.text());
+    }
 }
