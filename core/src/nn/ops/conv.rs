@@ -104,6 +104,7 @@ pub(crate) fn run<I: Isa>(
     let (phases, every) = if conv.fold { (4, 2) } else { (1, 1) };
     let (mut cut, mut sums) = (0, [[0; ACCUMULATORS]; 2]);
     let mut numbers: Option<([Option<usize>; 2], Requantise<'_>)> = None;
+    let mut lists = [List { products: [Product::NOTHING; MOST_TOGETHER], len: 0 }; 2];
     // All rows with the same filter before the next filter, so that its weights stay in the cache.
     for phase in 0..phases {
         for row in rows.clone().skip(phase / 2).step_by(every) {
@@ -113,7 +114,7 @@ pub(crate) fn run<I: Isa>(
                 Some((of, numbers)) if *of == variants => &*numbers,
                 other => &other.insert((variants, job.numbers(variants))).1,
             };
-            cut += job.run(isa, arena, &mut sums, &stretch, numbers)?;
+            cut += job.run(isa, arena, &mut sums, &stretch, numbers, I::TOGETHER.then_some(&mut lists))?;
         }
     }
     if first + width >= out.channels && out.margin > 0 {
@@ -204,6 +205,7 @@ impl<'m> Job<'_, 'm> {
         sums: &mut [Accumulators; 2],
         stretch: &Stretch<'m>,
         numbers: &Requantise<'_>,
+        lists: Option<&mut [List<'m>; 2]>,
     ) -> Option<u64> {
         let checked = self.prepared.checked
             && stretch.count >= LEAST_PIXELS
@@ -212,7 +214,7 @@ impl<'m> Job<'_, 'm> {
             self.sum_products(isa, arena, &mut sums[0], stretch);
         }
         let mut witness = Witness::new(&sums[0]);
-        let mut lists = if I::TOGETHER { self.lists(stretch) } else { None };
+        let mut lists = lists.and_then(|lists| self.list(stretch, lists).then_some(lists));
         let mut cut = 0;
         let mut done = 0;
         while done < stretch.count {
@@ -221,7 +223,7 @@ impl<'m> Job<'_, 'm> {
             let now = I::block(left, self.width).min(if checked { pixels_at_once(self.width) } else { left });
             let (filters, input_step) = (&stretch.filters, stretch.input_step);
             let patches = Patches { filters, skip: done * input_step, count: now, input_step };
-            let high = self.products(isa, arena, &mut sums[0], &patches, lists.as_mut());
+            let high = self.products(isa, arena, &mut sums[0], &patches, lists.as_deref_mut());
             if self.conv.fold {
                 for pixel in [0, stretch.count - 1] {
                     if (done..done + now).contains(&pixel) {
@@ -387,20 +389,20 @@ impl<'m> Job<'_, 'm> {
         }
     }
 
-    /// Lists the products of a stretch, low planes first; `None` if a row is outside the map.
+    /// Lists the products of a stretch, low planes first; returns false if a row is outside the map.
     #[inline(always)]
-    fn lists(&self, stretch: &Stretch<'m>) -> Option<[List<'m>; 2]> {
-        let mut lists = [List { products: [Product::NOTHING; MOST_TOGETHER], len: 0 }; 2];
+    fn list(&self, stretch: &Stretch<'m>, lists: &mut [List<'m>; 2]) -> bool {
+        lists.iter_mut().for_each(|list| list.len = 0);
         for filter in stretch.filters.iter().flatten() {
             for (source, t) in self.sources.iter().enumerate() {
                 let Some(t) = t else { continue };
                 for (plane, list) in lists.iter_mut().enumerate().take(t.dtype.bytes().min(2)) {
-                    let product = list.products.get_mut(list.len)?;
+                    let Some(product) = list.products.get_mut(list.len) else { return false };
                     list.len += 1;
                     for (k, start) in product.starts.iter_mut().take(filter.rows).enumerate() {
                         let (at, inside) = self.start(filter, t, plane, k, 0);
                         if !inside {
-                            return None;
+                            return false;
                         }
                         *start = at;
                     }
@@ -410,7 +412,7 @@ impl<'m> Job<'_, 'm> {
                 }
             }
         }
-        Some(lists)
+        true
     }
 }
 
