@@ -16,6 +16,7 @@ model="$(about 'Model name')"
 flags="$(about Flags)"
 cpu="$(tr '[:upper:]' '[:lower:]' <<<"${model:-$(uname -m)}" | sed 's/[^a-z0-9][^a-z0-9]*/-/g; s/^-//; s/-$//')"
 case " $flags " in
+*" amx_int8 "*) cpu="$cpu-amx" ;;
 *" avx512_vnni "*) cpu="$cpu-avx512" ;;
 *" avx2 "*) cpu="$cpu-avx2" ;;
 esac
