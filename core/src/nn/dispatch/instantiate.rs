@@ -9,7 +9,7 @@ use crate::nn::kernels::{
     requantise::{Requantise, Target},
     softmax::Softmax,
 };
-use crate::nn::kernels::{Isa, x86_amx::Amx, x86_avx2::Avx2, x86_avx512::Avx512};
+use crate::nn::kernels::{Isa, x86_amx::Amx, x86_avx_vnni::AvxVnni, x86_avx2::Avx2, x86_avx512::Avx512};
 use crate::nn::ops::{self, Constants, Prepared};
 use crate::nn::sum;
 
@@ -80,6 +80,9 @@ macro_rules! instantiate {
 
 /// Kernel for AVX2.
 pub(super) const AVX2: Kernel = instantiate!(Avx2, "avx2");
+
+/// Kernel for AVX-VNNI.
+pub(super) const AVX_VNNI: Kernel = instantiate!(AvxVnni, "avx2,avxvnni");
 
 /// Kernel for AVX-512 VNNI.
 pub(super) const AVX512: Kernel = instantiate!(Avx512<false>, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");

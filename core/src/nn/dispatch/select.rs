@@ -9,11 +9,12 @@ use crate::nn::kernels;
 
 /// Returns the kernels that this processor runs, fastest first.
 #[cfg(target_arch = "x86_64")]
-pub(super) fn fastest_first() -> [Option<Kernel>; 4] {
+pub(super) fn fastest_first() -> [Option<Kernel>; 5] {
     let has = Features::of_this_processor();
     [
         has.avx512_vbmi.then_some(x86::AVX512_VBMI),
         has.avx512_vnni.then_some(x86::AVX512),
+        has.avx_vnni.then_some(x86::AVX_VNNI),
         has.avx2.then_some(x86::AVX2),
         Some(Kernel::SCALAR),
     ]
@@ -66,6 +67,8 @@ pub(super) fn amx(_: TilesAllowed) -> Option<Kernel> {
 #[cfg(target_arch = "x86_64")]
 struct Features {
     avx2: bool,
+    /// AVX-VNNI, beside `avx2`.
+    avx_vnni: bool,
     /// AVX-512 F, DQ, BW, VL and VNNI.
     avx512_vnni: bool,
     /// VBMI, beside those of `avx512_vnni`.
@@ -81,6 +84,8 @@ impl Features {
         use core::arch::x86_64::{__cpuid, __cpuid_count, _xgetbv};
         const OSXSAVE_AND_AVX: u32 = 1 << 27 | 1 << 28;
         const AVX2: u32 = 1 << 5;
+        // Of leaf 7's second part.
+        const AVX_VNNI: u32 = 1 << 4;
         const AVX512_F_DQ_BW_VL: u32 = 1 << 16 | 1 << 17 | 1 << 30 | 1 << 31;
         const AVX512_VNNI: u32 = 1 << 11;
         const AVX512_VBMI: u32 = 1 << 1;
@@ -91,7 +96,7 @@ impl Features {
         const AMX_STATE: u64 = 0b11 << 17;
         let all = |value: u32, bits: u32| value & bits == bits;
         if __cpuid(0).eax < 7 || !all(__cpuid(1).ecx, OSXSAVE_AND_AVX) {
-            return Self { avx2: false, avx512_vnni: false, avx512_vbmi: false, amx: false };
+            return Self { avx2: false, avx_vnni: false, avx512_vnni: false, avx512_vbmi: false, amx: false };
         }
         // SAFETY: OSXSAVE means that the instruction exists and the operating system allows it.
         let state = unsafe { _xgetbv(0) };
@@ -99,8 +104,10 @@ impl Features {
         let saves = |bits: u64| state & bits == bits;
         let avx512_vnni = saves(AVX512_STATE) && all(found.ebx, AVX512_F_DQ_BW_VL) && all(found.ecx, AVX512_VNNI);
         let avx512_vbmi = avx512_vnni && all(found.ecx, AVX512_VBMI);
+        let avx2 = saves(AVX_STATE) && all(found.ebx, AVX2);
         Self {
-            avx2: saves(AVX_STATE) && all(found.ebx, AVX2),
+            avx2,
+            avx_vnni: avx2 && found.eax >= 1 && all(__cpuid_count(7, 1).eax, AVX_VNNI),
             avx512_vnni,
             avx512_vbmi,
             amx: avx512_vbmi && saves(AMX_STATE) && all(found.edx, AMX_TILE_AND_INT8),

@@ -230,6 +230,7 @@ fn every_kernel_the_processor_has_is_offered() {
     {
         let offered = |isa: &str| Kernel::available().any(|kernel| kernel.name().starts_with(isa));
         assert_eq!(offered("avx2-"), std::arch::is_x86_feature_detected!("avx2"));
+        assert_eq!(offered("avxvnni-"), std::arch::is_x86_feature_detected!("avxvnni"));
         let vnni = ["avx512f", "avx512bw", "avx512dq", "avx512vl", "avx512vnni"];
         let detected = vnni.map(|feature| match feature {
             "avx512f" => std::arch::is_x86_feature_detected!("avx512f"),

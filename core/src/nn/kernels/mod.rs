@@ -39,6 +39,8 @@ pub(super) mod x86_amx;
 pub(super) mod x86_avx2;
 #[cfg(target_arch = "x86_64")]
 pub(super) mod x86_avx512;
+#[cfg(target_arch = "x86_64")]
+pub(super) mod x86_avx_vnni;
 
 use super::file::MAX_KERNEL;
 use super::panels::PANEL;
