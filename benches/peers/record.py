@@ -33,6 +33,12 @@ def processor():
     return name
 
 
+def held():
+    """A variable of the environment that holds OpenVINO to older instructions, as a command line says it."""
+    limit = os.environ.get("ONEDNN_MAX_CPU_ISA")
+    return f"ONEDNN_MAX_CPU_ISA={limit} " if limit else ""
+
+
 def circumstances(a, load):
     """Where, when and of what a comparison was made; `load` is the one at its beginning."""
     commit = output("git", "rev-parse", "--short", "HEAD")
@@ -47,7 +53,7 @@ def circumstances(a, load):
         "threads": getattr(a, "threads", 1),
         "binaries": str(a.binaries) if a.binaries else None,
         "versions": {"python": platform.python_version()} | {name: version(name) for name in PACKAGES},
-        "command": shlex.join(["python3", f"benches/peers/{Path(sys.argv[0]).name}", *sys.argv[1:]]),
+        "command": held() + shlex.join(["python3", f"benches/peers/{Path(sys.argv[0]).name}", *sys.argv[1:]]),
     }
 
 
