@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds what users install, and prints a table of sizes: build.sh [binary|deb|wheel|arm_binary|arm|container]... All of them without a word. What its tool is
-# missing for is SKIPPED. The files lie in target/packages.
+# Builds what users install, and prints a table of sizes:
+# build.sh [binary|deb|wheel|arm_binary|arm|container]... All of them without a word. What its tool is missing for is SKIPPED. The files lie in
+# target/packages.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -59,7 +60,7 @@ zig() { python3 -c "import ziglang" 2>/dev/null; }
 
 # The static program for aarch64. If QEMU is here, its DTM must have the bytes of that for x86-64.
 arm_binary() {
-    if ! zig || ! cargo zigbuild --version >/dev/null 2>&1 || ! has_target "$arm_musl"; then
+    if ! zig || ! command -v cargo-zigbuild >/dev/null || ! has_target "$arm_musl"; then
         skip "arm_binary: no zig (pip install cargo-zigbuild ziglang) or no target (rustup target add $arm_musl)"
         return
     fi
