@@ -5,6 +5,7 @@ mod binary;
 mod bytes;
 pub mod content;
 mod crs;
+pub mod footprint;
 pub mod format;
 #[cfg(test)]
 mod gdal_tests;

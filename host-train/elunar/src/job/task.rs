@@ -2,7 +2,7 @@
 
 use super::inputs::Opened;
 use super::request::Request;
-use super::words;
+use super::{pds4, words};
 use crate::held::Held;
 use elunar_base::{Error, Result, say};
 use elunar_core::sun::UtcTime;
@@ -111,7 +111,8 @@ impl Task {
     pub(super) fn is_finished(&self, args: &Request) -> bool {
         let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
         let has_others = args.report.iter().chain(&args.stac).all(|path| path.is_file());
-        has_others && outputs.into_iter().all(|output| self.identity.is_finished(output))
+        let has_label = args.pds4.as_deref().is_none_or(|path| pds4::is_finished(path, self));
+        has_others && has_label && outputs.into_iter().all(|output| self.identity.is_finished(output))
     }
 
     /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.
