@@ -26,11 +26,6 @@ pub(super) fn write(path: &Path, args: &Request, task: &Task) -> Result<()> {
     pds4::write(path, &*geotiff::open(&args.output)?, &product)
 }
 
-/// Returns whether the product is there, of the same job, and its samples hold.
-pub(super) fn is_finished(path: &Path, task: &Task) -> bool {
-    pds4::holds(path, &job_note(&task.identity.job))
-}
-
 #[cfg(test)]
 mod tests {
     use crate::job::{self, Request};
