@@ -6,6 +6,7 @@
 #![allow(missing_docs)] // criterion's macros make functions without documentation
 
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};
+use elunar_core::sun::Body;
 use elunar_core::tile::Window;
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::{Crs, GeoRef, source};
@@ -38,7 +39,7 @@ fn terrain() -> Vec<f32> {
 fn raster_io(criterion: &mut Criterion) {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let heights_m = terrain();
-    let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_polar(true) };
+    let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::polar(Body::Moon.radius_m(), true) };
     let mut group = criterion.benchmark_group("raster_io");
     group.sample_size(10).throughput(Throughput::Bytes((ROWS * COLS * 4) as u64));
     for compression in [Compression::None, Compression::Lzw, Compression::Deflate, Compression::Zstd] {

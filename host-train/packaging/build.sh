@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Builds what users install, and prints a table of sizes: build.sh [binary|deb|wheel|arm_binary|arm|container]... All of them without a word. What its tool is
-# missing for is SKIPPED. The files lie in target/packages.
+# Builds what users install, and prints a table of sizes and of the seconds to a first DTM:
+# build.sh [binary|deb|wheel|first|arm_binary|arm|container]... All of them without a word. What its tool is missing for is SKIPPED. The files lie in
+# target/packages.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -54,12 +55,34 @@ wheel() {
     row "Python wheel, x86-64" "$(ls "$out"/*x86_64.whl)"
 }
 
+# From an empty virtual environment to a DTM of an image of 1000 x 1000 pixels, with the wheel; numpy is fetched.
+first() {
+    local folder start seconds
+    ls "$out"/*x86_64.whl >/dev/null 2>&1 || wheel
+    ls "$out"/*x86_64.whl >/dev/null 2>&1 || return 0
+    [ -x "$out/elunar" ] || binary
+    [ -x "$out/elunar" ] || return 0
+    folder="$(mktemp -d)"
+    "$out/elunar" synth --out "$folder" --rows 1000 --cols 1000 >/dev/null
+    start="$(date +%s.%N)"
+    python3 -m venv "$folder/venv"
+    "$folder/venv/bin/pip" install --quiet --no-cache-dir "$out"/*x86_64.whl
+    (cd "$folder" && venv/bin/python -c "
+import elunardtm
+model = elunardtm.Model.load('ground')
+model.predict_file('scene_0000_image.tif', 'scene_0000_coarse.tif', 'dtm.tif')")
+    seconds="$(awk "BEGIN { printf \"%.1f\", $(date +%s.%N) - $start }")"
+    [ -s "$folder/dtm.tif" ] || { echo "ERROR: a DTM expected" >&2; exit 1; }
+    rm -r "$folder"
+    printf "| from an empty venv to a DTM | %s s |\n" "$seconds"
+}
+
 # Zig is the linker, and the C compiler of ring and zstd.
 zig() { python3 -c "import ziglang" 2>/dev/null; }
 
 # The static program for aarch64. If QEMU is here, its DTM must have the bytes of that for x86-64.
 arm_binary() {
-    if ! zig || ! cargo zigbuild --version >/dev/null 2>&1 || ! has_target "$arm_musl"; then
+    if ! zig || ! command -v cargo-zigbuild >/dev/null || ! has_target "$arm_musl"; then
         skip "arm_binary: no zig (pip install cargo-zigbuild ziglang) or no target (rustup target add $arm_musl)"
         return
     fi
@@ -102,6 +125,6 @@ container() {
     row "container image" "$out/elunar-image.tar"
 }
 
-[ $# -gt 0 ] || set -- binary deb wheel arm_binary arm container
+[ $# -gt 0 ] || set -- binary deb wheel first arm_binary arm container
 printf '| package | size |\n|---|---|\n'
 for one in "$@"; do "$one"; done

@@ -2,8 +2,9 @@
 //! an SLDEM2015 tile (kilometres, another central meridian, OFFSET = radius), a stereo DTM as TIFF with a detached label, and a table of
 //! laser points. The result is the same as with plain GeoTIFFs.
 
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
-use elunar_raster::{Crs, MOON_RADIUS_M, Raster};
+use elunar_raster::{Crs, Raster};
 use std::path::Path;
 use support::Shell;
 
@@ -27,14 +28,14 @@ fn brightness(x: f64, y: f64) -> f64 {
 }
 
 fn raster(rows: usize, cols: usize, at: (f64, f64), pixel_m: f64, value: impl Fn(f64, f64) -> f64) -> Raster {
-    support::raster((rows, cols), at, pixel_m, Crs::moon_equirectangular(0.0, 0.0), value)
+    support::raster((rows, cols), at, pixel_m, Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), value)
 }
 
 /// Returns the IMAGE_MAP_PROJECTION of a grid with its corner at `at`, for a central meridian of `lon0_deg`.
 fn projection(name: &str, rows: usize, cols: usize, at: (f64, f64), pixel_m: f64, lon0_deg: f64) -> String {
-    let east = at.0 - lon0_deg.to_radians() * MOON_RADIUS_M;
+    let east = at.0 - lon0_deg.to_radians() * Body::Moon.radius_m();
     let (sample, line) = (-east / pixel_m - 0.5, at.1 / pixel_m - 0.5);
-    let north_deg = |y: f64| (y / MOON_RADIUS_M).to_degrees();
+    let north_deg = |y: f64| (y / Body::Moon.radius_m()).to_degrees();
     format!(
         "OBJECT = IMAGE_MAP_PROJECTION\r\n  MAP_PROJECTION_TYPE = \"{name}\"\r\n  A_AXIS_RADIUS = 1737.4 <KM>\r\n  \
          B_AXIS_RADIUS = 1737.4 <KM>\r\n  C_AXIS_RADIUS = 1737.4 <KM>\r\n  POSITIVE_LONGITUDE_DIRECTION = EAST\r\n  \
@@ -94,8 +95,8 @@ impl Site {
         let mut text = String::from("Coordinated_Universal_Time,Pt_Longitude,Pt_Latitude,Pt_Radius,Pt_Flg\n");
         for i in 0..25 {
             let (x, y) = (IMAGE_AT.0 + 350.0, IMAGE_AT.1 - 560.0 + 20.0 * f64::from(i));
-            let degrees = |metres: f64| (metres / MOON_RADIUS_M).to_degrees();
-            let radius_km = (MOON_RADIUS_M + hills(x, y)) / 1000.0;
+            let degrees = |metres: f64| (metres / Body::Moon.radius_m()).to_degrees();
+            let radius_km = (Body::Moon.radius_m() + hills(x, y)) / 1000.0;
             text += &format!("2009-09-01T00:00:{i:02}.000,{:.9},{:.9},{radius_km:.6},0\n", degrees(x), degrees(y));
         }
         std::fs::write(self.0.path(name), text).unwrap();

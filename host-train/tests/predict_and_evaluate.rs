@@ -1,5 +1,6 @@
 //! The commands as users run them: on files, with a one-line error for every mistake.
 
+use elunar_core::sun::Body;
 use elunar_learn::model::init::initial_weights;
 use elunar_net::config::{NetConfig, Preset};
 use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
@@ -11,7 +12,7 @@ mod support;
 
 fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64) -> Raster {
     let height = |x: f64, y: f64| -1500.0 + 30.0 * (x / 200.0).sin() + 20.0 * (y / 150.0).cos();
-    support::raster((rows, cols), origin, pixel_m, Crs::moon_polar(true), height)
+    support::raster((rows, cols), origin, pixel_m, Crs::polar(Body::Moon.radius_m(), true), height)
 }
 
 /// Returns a folder with an image, a coarse DTM on its own grid, the truth, and an untrained network.
@@ -141,7 +142,9 @@ fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     let bench = bench();
     let source = bench.path("coarse.tif");
     rewrite(&source, &bench.path("elsewhere.tif"), |r| r.georef.as_mut().unwrap().transform[0] += 1e6);
-    rewrite(&source, &bench.path("projection.tif"), |r| r.georef.as_mut().unwrap().crs = Crs::moon_polar(false));
+    rewrite(&source, &bench.path("projection.tif"), |r| {
+        r.georef.as_mut().unwrap().crs = Crs::polar(Body::Moon.radius_m(), false)
+    });
     let mars = Crs::parse("IAU_2015:49935").unwrap();
     rewrite(&source, &bench.path("mars.tif"), |r| r.georef.as_mut().unwrap().crs = mars.clone());
     rewrite(&source, &bench.path("nowhere.tif"), |r| r.georef = None);

@@ -1,5 +1,6 @@
 //! The seams of tiles must be invisible.
 
+use elunar_core::sun::Body;
 use elunar_core::tile::{Shape, Tiling};
 use elunar_learn::float::open_any;
 use elunar_learn::model::backend::Backend;
@@ -15,7 +16,7 @@ const ROWS: usize = 500;
 const COLS: usize = 700;
 
 fn raster(rows: usize, cols: usize, pixel_m: f64, value: impl Fn(f64, f64) -> f64) -> Raster {
-    support::raster((rows, cols), (0.0, 0.0), pixel_m, Crs::moon_equirectangular(0.0, 0.0), value)
+    support::raster((rows, cols), (0.0, 0.0), pixel_m, Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), value)
 }
 
 /// Returns smooth hills, 100 m and more from crest to crest.

@@ -3,6 +3,7 @@
 mod support;
 
 use elunar_base::digest::sha256_hex;
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::{Crs, source};
 use std::path::Path;
@@ -93,7 +94,7 @@ fn real_scenes_are_scored_and_absent_sets_named() {
         ("image_1m.tif", WriteOptions::image(SampleType::F32, "image")),
         ("truth_dtm_1m.tif", WriteOptions::heights("truth")),
     ] {
-        let crs = Crs::moon_equirectangular(0.0, 0.0);
+        let crs = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0);
         write(&folder.join(file), &support::raster((200, 250), (0.0, 0.0), 1.0, crs, hills), &options).unwrap();
     }
     std::fs::create_dir(shell.path("known")).unwrap();

@@ -1,5 +1,6 @@
 //! `hillshade`, `diff`, `mosaic` and `prepare` as users run them: on files, with a one-line error for every mistake.
 
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
 use elunar_raster::{Crs, Raster};
 use std::path::Path;
@@ -10,7 +11,7 @@ mod support;
 
 fn terrain(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64, offset_m: f64) -> Raster {
     let height = |x: f64, y: f64| offset_m - 1500.0 + 30.0 * (x / 40.0).sin() + 20.0 * (y / 30.0).cos();
-    support::raster((rows, cols), origin, pixel_m, Crs::moon_polar(true), height)
+    support::raster((rows, cols), origin, pixel_m, Crs::polar(Body::Moon.radius_m(), true), height)
 }
 
 /// Returns a folder with two overlapping DTMs, `left.tif` and `right.tif`, 3 m apart in height.
@@ -172,7 +173,7 @@ fn training_says_which_images_give_no_tile() {
 fn every_mistake_is_one_line_and_leaves_nothing_behind() {
     let bench = bench();
     let mut elsewhere = read(bench.path("left.tif")).unwrap();
-    elsewhere.georef.as_mut().unwrap().crs = Crs::moon_polar(false);
+    elsewhere.georef.as_mut().unwrap().crs = Crs::polar(Body::Moon.radius_m(), false);
     write(&bench.path("north.tif"), &elsewhere, &WriteOptions::heights("north")).unwrap();
     elsewhere.georef = None;
     write(&bench.path("nowhere.tif"), &elsewhere, &WriteOptions::heights("nowhere")).unwrap();

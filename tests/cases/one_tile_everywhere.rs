@@ -9,6 +9,7 @@ use elunar_core::nn::{KnownSun, LightSource, Lighting, Model, Progress, Runner, 
 use elunar_core::photoclinometry::{ExpectedErrors, Origin};
 use elunar_core::pixels::PixelForm;
 use elunar_core::strip::{LineErrors, Next, Strip, StripMemory, StripPlan, StripSettings};
+use elunar_core::sun::Body;
 use elunar_core::tile::Shape;
 use elunar_core::{TileInput, TileJob, TileMemory, TileRules};
 use elunar_raster::resample::PixelMap;
@@ -246,7 +247,10 @@ fn as_strip(model: Model<'_>, tile: &Tile, light: Lighting) -> (Made, Vec<u8>) {
 
 /// Returns a raster whose first pixel begins at (x, y), of square pixels.
 fn raster(shape: Shape, samples: &[f32], (x, y): (f64, f64), side_m: f64) -> Raster {
-    let georef = GeoRef { transform: [x, side_m, 0.0, y, 0.0, -side_m], crs: Crs::moon_equirectangular(0.0, 0.0) };
+    let georef = GeoRef {
+        transform: [x, side_m, 0.0, y, 0.0, -side_m],
+        crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+    };
     Raster { rows: shape.rows, cols: shape.cols, samples: samples.to_vec(), georef: Some(georef) }
 }
 

@@ -5,6 +5,7 @@ use elunar_base::progress::Bar;
 use elunar_core::job::{TileInput, TileJob, TileRules};
 use elunar_core::nn::{InputRules, Progress, Runner, TileLight, required};
 use elunar_core::norm::{ElevationScale, intensity};
+use elunar_core::sun::Body;
 use elunar_core::tile::{self, Shape, TILE_COLS, TILE_ROWS};
 use elunar_data::prepare::list::SceneFiles;
 use elunar_data::prepare::{self, PrepareOptions, Split};
@@ -101,7 +102,7 @@ fn prepared(folder: &Path, index: u64) -> (Scene, RawTile) {
 fn lightless() -> (Scene, RawTile) {
     let georef = |origin: (f64, f64), pixel_m: f64| GeoRef {
         transform: [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m],
-        crs: elunar_raster::Crs::moon_equirectangular(0.0, 0.0),
+        crs: elunar_raster::Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
     };
     let raster = |(rows, cols): (usize, usize), georef, sample: &dyn Fn(usize, usize) -> f32| Raster {
         rows,

@@ -17,13 +17,24 @@ mod time;
 
 pub use time::{TimeError, UtcTime};
 
-/// A body whose Sun is known.
+/// A body whose sphere and Sun are known.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Body {
     /// The Moon, in the mean-Earth system.
     Moon,
     /// Mars, in the system of the IAU.
     Mars,
+}
+
+impl Body {
+    /// Returns the radius of the sphere that maps and heights of the body refer to, metres (IAU working group, 2015).
+    #[must_use]
+    pub const fn radius_m(self) -> f64 {
+        match self {
+            Self::Moon => 1_737_400.0,
+            Self::Mars => 3_396_190.0,
+        }
+    }
 }
 
 /// The point under the Sun.

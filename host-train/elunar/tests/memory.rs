@@ -2,6 +2,7 @@
 
 #![cfg(unix)]
 
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{WriteOptions, read, write};
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::{Path, PathBuf};
@@ -149,7 +150,7 @@ fn evaluate_keeps_its_memory_whatever_the_scene() {
     let folder = tempfile::tempdir().unwrap();
     let side = 4100;
     let transform = [0.0, 2.0, 0.0, 0.0, 0.0, -2.0];
-    let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+    let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
     let wave = |i: usize| ((i / side) as f32 * 0.05).sin() * 9.0 + ((i % side) as f32 * 0.03).cos() * 4.0;
     for (name, factor) in [("truth.tif", 1.0), ("dtm.tif", 0.5)] {
         let samples = (0..side * side).map(|i| factor * wave(i)).collect();

@@ -3,6 +3,7 @@
 mod common;
 
 use common::{elunar, scene};
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{WriteOptions, read, read_item, write};
 use elunar_raster::{Crs, GeoRef, Raster};
 use elunar_testing::server::{FileAnswer, FileServer};
@@ -21,7 +22,7 @@ fn predict(folder: &Path, image: &str, coarse: &str, dtm: &str, more: &[&str]) -
 fn large(at: &Path) {
     let side = 2500;
     let transform = [9000.0 - 40_000.0, 40.0, 0.0, 604_000.0 + 40_000.0, 0.0, -40.0];
-    let georef = Some(GeoRef { transform, crs: Crs::moon_equirectangular(20.0, 10.0) });
+    let georef = Some(GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 20.0, 10.0) });
     let noise = |i: usize| (i.wrapping_mul(2_654_435_761) >> 8 & 0xFFFF) as f32 * 1e-3 + (i % side) as f32 * 0.1;
     let raster = Raster { rows: side, cols: side, samples: (0..side * side).map(noise).collect(), georef };
     write(&at.join("large.tif"), &raster, &WriteOptions::heights("large")).unwrap();

@@ -244,6 +244,7 @@ fn two_sided(probability: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::EvaluatedMaps;
+    use elunar_core::sun::Body;
     use elunar_raster::align::Interpolation;
     use elunar_raster::source::{InMemory, Source};
     use elunar_raster::{Crs, GeoRef, Raster};
@@ -254,7 +255,10 @@ mod tests {
     const COLS: usize = 400;
 
     fn raster(value: impl FnMut(usize) -> f32) -> Raster {
-        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         Raster { rows: ROWS, cols: COLS, samples: (0..ROWS * COLS).map(value).collect(), georef: Some(georef) }
     }
 

@@ -125,6 +125,7 @@ fn grid(info: &Info) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
     use elunar_raster::geotiff::{WriteOptions, Writer, write};
     use elunar_raster::source::InMemory;
     use elunar_raster::{Crs, GeoRef, Raster};
@@ -135,7 +136,7 @@ mod tests {
 
     fn raster(rows: usize, cols: usize, pixel_m: f64, value: impl Fn(usize) -> f32) -> Raster {
         let transform = [0.0, pixel_m, 0.0, 0.0, 0.0, -pixel_m];
-        let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
         Raster { rows, cols, samples: (0..rows * cols).map(value).collect(), georef: Some(georef) }
     }
 

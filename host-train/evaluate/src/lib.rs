@@ -171,10 +171,14 @@ fn masked(raster: &Raster, keep: &[bool]) -> Raster {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
     use elunar_raster::{Crs, GeoRef};
 
     fn raster(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
-        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         Raster {
             rows,
             cols,

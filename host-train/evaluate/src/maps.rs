@@ -297,12 +297,13 @@ fn cut(map: &[f32], cols: usize, window: Window) -> Vec<f32> {
 mod tests {
     use super::*;
     use crate::{Candidate, compare, spectral};
+    use elunar_core::sun::Body;
     use elunar_raster::align::Named;
     use elunar_raster::source::InMemory;
     use elunar_raster::{Crs, GeoRef, Raster};
 
     fn raster((rows, cols): (usize, usize), place: [f64; 6], height: impl Fn(f64, f64) -> f64) -> Raster {
-        let georef = GeoRef { transform: place, crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef { transform: place, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
         let sample = |i: usize| {
             let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
             height(x, y) as f32

@@ -136,11 +136,15 @@ fn shading(dtm: &Raster, pixel: PixelSize, light: ImageLight) -> Result<Option<f
 mod tests {
     use super::*;
     use crate::{Candidate, compare};
+    use elunar_core::sun::Body;
     use elunar_raster::align::Named;
     use elunar_raster::{Crs, GeoRef};
 
     fn raster(rows: usize, cols: usize, height: impl Fn(f64, f64) -> f64) -> Raster {
-        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         let samples = (0..rows * cols).map(|i| height((i / cols) as f64, (i % cols) as f64) as f32).collect();
         Raster { rows, cols, samples, georef: Some(georef) }
     }

@@ -123,6 +123,7 @@ pub fn octaves_picture(names: &[String], spectra: &[Option<Spectral>]) -> Result
 mod tests {
     use super::*;
     use crate::{Candidate, Details, compare, json as report_json, table};
+    use elunar_core::sun::Body;
     use elunar_raster::align::Named;
     use elunar_raster::{Crs, GeoRef, Raster};
 
@@ -130,8 +131,10 @@ mod tests {
     #[test]
     fn reports_hold_octaves_half_coherence_and_offset() {
         let raster = |side: usize, scale: f64| {
-            let georef =
-                GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+            let georef = GeoRef {
+                transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0],
+                crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+            };
             let height = |r: f64, c: f64| (r * 0.11).sin() * 8.0 + (c * 0.23 + r * 0.4).cos() * 3.0 + (c * 1.1).sin();
             let samples = (0..side * side).map(|i| (scale * height((i / side) as f64, (i % side) as f64)) as f32);
             Raster { rows: side, cols: side, samples: samples.collect(), georef: Some(georef) }

@@ -139,12 +139,13 @@ fn shade(heights_m: &[f32], rows: usize, cols: usize, pixel: PixelSize, sun: Sun
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
     use elunar_raster::geotiff::{WriteOptions, write};
     use elunar_raster::source::InMemory;
     use elunar_raster::{Crs, GeoRef, Raster};
 
     fn rough(rows: usize, cols: usize, transform: [f64; 6]) -> Raster {
-        let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
         let height = |i: usize| {
             let (r, c) = ((i / cols) as f32, (i % cols) as f32);
             let z = 30.0 * (r * 0.31).sin() + 25.0 * (c * 0.23 + r * 0.1).cos() + ((i * 7919) % 13) as f32 - 1900.0;
@@ -206,8 +207,8 @@ mod tests {
         let metres = rough(30, 30, [0.0, 500.0, 0.0, 15.0 * 500.0, 0.0, -500.0]);
         let mut degrees = metres.clone();
         let directory = vec![1, 1, 0, 3, 1024, 0, 1, 2, 2057, 34736, 1, 0, 2058, 34736, 1, 0];
-        let crs = Crs { directory, doubles: vec![elunar_raster::MOON_RADIUS_M], ascii: String::new() };
-        let step = 500.0 / elunar_raster::MOON_RADIUS_M.to_radians();
+        let crs = Crs { directory, doubles: vec![Body::Moon.radius_m()], ascii: String::new() };
+        let step = 500.0 / Body::Moon.radius_m().to_radians();
         degrees.georef = Some(GeoRef { transform: [0.0, step, 0.0, 15.0 * step, 0.0, -step], crs });
         assert_eq!(whole(&degrees, &HillshadeOptions::default()), whole(&metres, &HillshadeOptions::default()));
     }

@@ -300,6 +300,7 @@ class Model:
         coarse_sigma: float | None = None,
         report: Path | None = None,
         stac: Path | None = None,
+        pds4: Path | None = None,
         part_dir: Path | None = None,
         overlap: int | None = None,
         no_anchor: bool = False,
@@ -309,7 +310,7 @@ class Model:
         """Predicts a DTM from files, as ``elunar predict`` does: a cloud-optimised GeoTIFF ``output`` with a hillshade beside it.
 
         Rows of a run that stopped wait beside the output; the same call goes on from there. ``uncertainty`` is the file for the expected errors,
-        ``report`` that for a page to look at, ``stac`` that for a STAC item, ``part_dir`` the folder for unfinished rows. The other options are those of :meth:`predict`. Returns what ``--json`` prints: heights in
+        ``report`` that for a page to look at, ``stac`` that for a STAC item, ``pds4`` that for a PDS4 label, ``part_dir`` the folder for unfinished rows. The other options are those of :meth:`predict`. Returns what ``--json`` prints: heights in
         metres, counts of pixels and tiles, the light, warnings, seconds.
 
         >>> import tempfile
@@ -325,7 +326,7 @@ class Model:
                 "coarse_srs": _grids.crs_text(coarse_srs), "coarse_unit": coarse_unit, "image_nodata": image_nodata,
                 "coarse_nodata": coarse_nodata, "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation,
                 "time": _utc(time), "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "report": report,
-                "stac": stac, "part_dir": part_dir, "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
+                "stac": stac, "pds4": pds4, "part_dir": part_dir, "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
             }
         )  # fmt: skip
         return _record(_call(words, [], False, progress, model=self._model))

@@ -2,6 +2,7 @@
 
 use crate::errors::named;
 use elunar::held::Held;
+use elunar_core::sun::Body;
 use elunar_raster::source::InMemory;
 use elunar_raster::sun::StatedSun;
 use elunar_raster::{Crs, GeoRef, Raster};
@@ -25,7 +26,8 @@ pub(crate) struct Array<'py>(
 pub(crate) fn hold(py: Python<'_>, arrays: Vec<Array<'_>>) -> PyResult<Held> {
     let mut held = Held::default();
     for Array(name, samples, transform, crs, kind, (azimuth_deg, elevation_deg)) in arrays {
-        let parsed = crs.map_or_else(|| Ok(Crs::moon_equirectangular(0.0, 0.0)), |text| Crs::parse(&text));
+        let parsed =
+            crs.map_or_else(|| Ok(Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0)), |text| Crs::parse(&text));
         let crs = parsed.map_err(|why| named(py, "usage", format!("{name}: crs: {why}")))?;
         let [rows, cols] = [samples.shape()[0], samples.shape()[1]];
         let samples = samples.as_array().iter().copied().collect();

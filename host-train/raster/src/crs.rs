@@ -17,9 +17,6 @@ use super::Projection;
 use std::collections::BTreeMap;
 use tiff::tags::Tag;
 
-/// Radius of the Moon's reference sphere, metres. All heights of this project are above it.
-pub const MOON_RADIUS_M: f64 = 1_737_400.0;
-
 /// Tag of a key whose value is stored in the key itself.
 const INLINE: Tag = Tag::Unknown(0);
 

@@ -111,9 +111,10 @@ impl GeoRef {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
 
     fn place(transform: GeoTransform) -> GeoRef {
-        GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) }
+        GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) }
     }
 
     #[test]

@@ -5,6 +5,7 @@ mod binary;
 mod bytes;
 pub mod content;
 mod crs;
+pub mod footprint;
 pub mod format;
 #[cfg(test)]
 mod gdal_tests;
@@ -32,7 +33,7 @@ mod unit;
 pub mod vrt;
 mod xml;
 
-pub use crs::{Axes, Crs, MOON_RADIUS_M};
+pub use crs::{Axes, Crs};
 pub use elunar_base::{Error, Result};
 pub use elunar_core::tile::Window;
 pub use georef::{GeoRef, GeoTransform};

@@ -34,7 +34,7 @@ impl NamedMap {
         let Self { lat_deg, origin_deg, lon_deg, scale, parallels_deg, .. } = *self;
         let ported =
             |kind| Crs::ported(radius_m, ProjectionParameters::new(kind, lat_deg, lon_deg, scale), Axes::PLAIN);
-        let equirectangular = || Crs::equirectangular(radius_m, lat_deg, (origin_deg, lon_deg), Axes::PLAIN);
+        let equirectangular = || Crs::equirectangular_from(radius_m, lat_deg, (origin_deg, lon_deg), Axes::PLAIN);
         let crs = match (self.plain_name().as_str(), parallels_deg) {
             _ if !(lat_deg.abs() <= 90.0
                 && origin_deg.abs() <= 90.0

@@ -3,6 +3,7 @@
 //! The formulas are Snyder's (*Map Projections: A Working Manual*, USGS 1395, 1987): 12-1 and 12-2 with the standard parallel for the
 //! equirectangular, 21-5 to 21-14 for the polar stereographic projection. The others are those of `proj4rs`. Tests compare all with PROJ.
 
+mod named;
 mod ported;
 mod text;
 

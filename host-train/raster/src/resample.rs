@@ -1,7 +1,5 @@
 //! Resampling of a coarse grid on a fine one: interpolating bicubic, through an affine map between pixel centres.
 //!
-//! The synthetic Moon, training and prediction use the same function, so that the coarse DTM is the same in all three.
-//!
 //! [`elunar_core::resample`] does the arithmetic. Catmull–Rom is our choice. It passes through the nodes. Against thin-plate splines its
 //! error is 0.22 m rms, that of GDAL's approximating B-spline 1.43 m. Unlike the prefiltered spline (0.19 m) it is local, so a hole in the
 //! coarse DTM changes only its neighbourhood.

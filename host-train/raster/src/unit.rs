@@ -1,6 +1,6 @@
 //! Units of heights.
 
-use super::MOON_RADIUS_M;
+use elunar_core::sun::Body;
 
 /// Metres in a foot of the United States' surveys, 39.37 inches to the metre.
 const US_SURVEY_FOOT_M: f64 = 1200.0 / 3937.0;
@@ -73,7 +73,7 @@ impl Conversion {
 pub(crate) fn conversion(unit: Option<&str>, scale: f64, offset: f64, radius_m: Option<f64>) -> Conversion {
     let unit = unit.map(str::trim).filter(|unit| !NONE.contains(&unit.to_lowercase().as_str()));
     let mut metres = unit.and_then(metres_per);
-    let radius_m = radius_m.unwrap_or(MOON_RADIUS_M);
+    let radius_m = radius_m.unwrap_or(Body::Moon.radius_m());
     let is_radius = |factor: f64| (offset * factor - radius_m).abs() <= 1e-6 * radius_m;
     let implied = [1000.0, 1.0].into_iter().find(|&factor| is_radius(factor));
     let above = implied.is_some() || metres.is_some_and(is_radius);

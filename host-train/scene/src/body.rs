@@ -1,9 +1,9 @@
 //! Heights that a body has: a warning for DTMs that are made, and for those that are given.
 
-use elunar_raster::MOON_RADIUS_M;
+use elunar_core::sun::Body;
 
 /// A body and its ground.
-struct Body {
+struct Ground {
     /// Its name in messages, as an owner.
     whose: &'static str,
     /// Radii of spheres that are taken for it, metres.
@@ -15,26 +15,26 @@ struct Body {
 }
 
 /// The limits leave a margin for errors of DTMs. Those of Mars also cover its flattening: heights above a sphere are 20 km lower at the poles.
-const BODIES: [Body; 4] = [
-    Body {
+const BODIES: [Ground; 4] = [
+    Ground {
         whose: "the Moon's",
-        radii_m: MOON_RADIUS_M - 2_000.0..=MOON_RADIUS_M + 2_000.0,
+        radii_m: Body::Moon.radius_m() - 2_000.0..=Body::Moon.radius_m() + 2_000.0,
         heights: "between -9,200 and 10,800 m",
         limits_m: (-12_000.0, 12_000.0),
     },
-    Body {
+    Ground {
         whose: "those of Mars",
         radii_m: 3_374_000.0..=3_398_000.0,
         heights: "between -8,200 and 21,200 m above the areoid",
         limits_m: (-28_000.0, 28_000.0),
     },
-    Body {
+    Ground {
         whose: "Mercury's",
         radii_m: 2_437_000.0..=2_442_000.0,
         heights: "between -5,400 and 4,500 m",
         limits_m: (-8_000.0, 8_000.0),
     },
-    Body {
+    Ground {
         whose: "those of Venus",
         radii_m: 6_050_000.0..=6_053_000.0,
         heights: "between -3,000 and 11,500 m",
@@ -46,8 +46,8 @@ const BODIES: [Body; 4] = [
 /// heights that it has, and for other bodies, about which nothing is known here.
 #[must_use]
 pub fn beyond(radius_m: Option<f64>, (low_m, high_m): (f32, f32)) -> Option<String> {
-    let radius_m = radius_m.unwrap_or(MOON_RADIUS_M);
-    let Body { whose, heights, limits_m, .. } = BODIES.iter().find(|body| body.radii_m.contains(&radius_m))?;
+    let radius_m = radius_m.unwrap_or(Body::Moon.radius_m());
+    let Ground { whose, heights, limits_m, .. } = BODIES.iter().find(|body| body.radii_m.contains(&radius_m))?;
     (low_m < limits_m.0 || high_m > limits_m.1)
         .then(|| format!("heights from {low_m} to {high_m} m, but {whose} are {heights}"))
 }
@@ -58,7 +58,7 @@ mod tests {
 
     #[test]
     fn every_body_has_its_own_heights() {
-        let moon = |low, high| beyond(Some(MOON_RADIUS_M), (low, high));
+        let moon = |low, high| beyond(Some(Body::Moon.radius_m()), (low, high));
         assert_eq!((moon(-9_200.0, 10_800.0), moon(-12_000.0, 12_000.0)), (None, None));
         assert!(
             moon(-12_001.0, 0.0).unwrap().contains("-12001 to 0 m, but the Moon's are between -9,200 and 10,800 m")

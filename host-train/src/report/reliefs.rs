@@ -5,6 +5,7 @@ use crate::suite::files::{dtm_file, map_file};
 use crate::suite::results::{SceneResult, SuiteResults};
 use crate::suite::{DTMS, SCENES};
 use elunar_base::{Result, say};
+use elunar_core::sun::Body;
 use elunar_core::terrain::PixelSize;
 use elunar_core::tile::Window;
 use elunar_raster::align::{Interpolation, Onto};
@@ -66,7 +67,7 @@ fn reduced(path: &Path, interpolation: Interpolation, grid: &dyn Source, truth: 
     let samples = onto.read(Window { row: 0, col: 0, rows: info.rows, cols: info.cols })?;
     let place = || GeoRef {
         transform: [0.0, 1.0, 0.0, 0.0, 0.0, -1.0],
-        crs: elunar_raster::Crs::moon_equirectangular(0.0, 0.0),
+        crs: elunar_raster::Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
     };
     let mut preview = Preview::new(info.rows, info.cols, info.georef.clone().unwrap_or_else(place), LONGEST_PX);
     preview.add(&samples);

@@ -3,6 +3,7 @@
 use super::files::map_file;
 use super::list::{List, SuiteScene};
 use elunar_base::{Error, Result};
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::{Crs, GeoRef, Raster, source};
 use std::path::Path;
@@ -104,7 +105,11 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<SuiteScene>> {
     let ((mut image, mut of_image), (mut truth, of_truth)) = (read(set.image)?, read(set.truth)?);
     // Reference systems that a file does not state are those of the other, or of the Moon.
     if of_image.crs.is_empty() {
-        of_image.crs = if of_truth.crs.is_empty() { Crs::moon_equirectangular(0.0, 0.0) } else { of_truth.crs.clone() };
+        of_image.crs = if of_truth.crs.is_empty() {
+            Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0)
+        } else {
+            of_truth.crs.clone()
+        };
     }
     truth.georef = Some(GeoRef { crs: of_image.crs.clone(), ..of_truth });
     image.georef = Some(of_image);
@@ -209,7 +214,7 @@ mod tests {
         std::fs::create_dir_all(folder).unwrap();
         let transform = [100.0, pixel_m, 0.0, 900.0, 0.0, -pixel_m];
         let samples = (0..rows * cols).map(|i| value(i / cols, i % cols)).collect();
-        let georef = Some(GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) });
+        let georef = Some(GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) });
         let raster = Raster { rows, cols, samples, georef };
         write(&folder.join(file), &raster, &WriteOptions::heights("made up")).unwrap();
     }

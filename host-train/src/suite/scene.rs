@@ -168,11 +168,14 @@ fn average(fine: &Raster, side: usize) -> Result<Raster> {
 mod tests {
     use super::*;
     use crate::suite::list::List;
+    use elunar_core::sun::Body;
     use elunar_raster::Crs;
 
     fn dtm(rows: usize, cols: usize) -> Raster {
-        let georef =
-            GeoRef { transform: [700.0, 2.0, 0.0, 900.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [700.0, 2.0, 0.0, 900.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         let height = |i: usize| 0.3 * (i / cols) as f32 + (0.9 * (i % cols) as f32).sin();
         Raster { rows, cols, samples: (0..rows * cols).map(height).collect(), georef: Some(georef) }
     }

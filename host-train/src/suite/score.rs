@@ -118,10 +118,14 @@ pub fn cross(ground: &str, a: &Seen, b: &Seen) -> Result<Vec<CrossResult>> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
     use elunar_raster::{Crs, GeoRef};
 
     fn raster(height: impl Fn(usize) -> f32) -> Raster {
-        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         Raster { rows: 90, cols: 100, samples: (0..9000).map(height).collect(), georef: Some(georef) }
     }
 

@@ -2,8 +2,9 @@
 
 use super::{COARSE_PIXEL_M, SynthOptions, SynthScene, TerrainKind};
 use elunar_base::{Result, atomic_write};
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
-use elunar_raster::{Crs, GeoRef, GeoTransform, MOON_RADIUS_M, Raster};
+use elunar_raster::{Crs, GeoRef, GeoTransform, Raster};
 use serde::{Deserialize, Serialize};
 use std::path::Path;
 
@@ -118,7 +119,7 @@ impl SynthScene {
         let name = scene_name(self.index);
         let file = |what: &str| folder.join(file_name(&name, what));
         let about = |what: &str| {
-            let sphere = format!("synthetic {what}: heights above the {MOON_RADIUS_M} m sphere");
+            let sphere = format!("synthetic {what}: heights above the {} m sphere", Body::Moon.radius_m());
             WriteOptions::heights(sphere).with_item("SYNTHETIC", "yes")
         };
         let image = WriteOptions::image(SampleType::U16, "synthetic orbiter image, relative DN")
@@ -138,7 +139,7 @@ impl SynthScene {
 }
 
 fn place(transform: GeoTransform) -> GeoRef {
-    GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) }
+    GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) }
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Writes the files that fuzzing begins with: `seeds FOLDER` writes a folder for each target that has some.
 
+use elunar_core::sun::Body;
 use elunar_provoke::Random;
 use elunar_provoke::model::sound_models;
 use elunar_provoke::programs::{Sizes, program};
@@ -79,7 +80,7 @@ fn rasters(folder: &Path) -> Result<()> {
     let (rows, cols) = (9, 7);
     let samples = (0..rows * cols).map(|i| if i == 30 { f32::NAN } else { (i * 4) as f32 }).collect();
     let transform = [349_000.25, 2.0, 0.0, 600_000.5, 0.0, -2.5];
-    let georef = Some(GeoRef { transform, crs: Crs::moon_equirectangular(12.0, 180.0) });
+    let georef = Some(GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 12.0, 180.0) });
     let raster = Raster { rows, cols, samples, georef };
     for compression in [Compression::None, Compression::Lzw, Compression::Deflate, Compression::Zstd] {
         let heights = || WriteOptions::heights("seed").with_compression(compression).with_item("A", "b");

@@ -7,6 +7,7 @@ use crate::prepared::PreparedSource;
 use crate::source::{DataSpec, TileSource};
 use elunar_base::progress::Bar;
 use elunar_base::{Error, atomic_write};
+use elunar_core::sun::Body;
 use elunar_raster::Raster;
 use elunar_raster::geotiff::{self, SampleType, WriteOptions};
 use elunar_synth::{Moon, SynthOptions, SynthScene};
@@ -250,13 +251,13 @@ fn displaced_dtms_are_measured_and_dropped() {
 #[test]
 fn systems_may_differ() {
     use elunar_raster::align::{Interpolation, Named, onto};
-    use elunar_raster::{Crs, GeoRef, MOON_RADIUS_M};
+    use elunar_raster::{Crs, GeoRef};
     let folder = tempfile::tempdir().unwrap();
     let scene = scene(6, 256, 640);
     let plain = files(folder.path(), &scene, |_, _| {});
     let coarse = scene.coarse_raster();
     let [x0, step, _, y0, _, _] = coarse.georef.as_ref().unwrap().transform;
-    let degrees = 1.0 / MOON_RADIUS_M.to_radians();
+    let degrees = 1.0 / Body::Moon.radius_m().to_radians();
     // A fourth of the pixel, so that the second interpolation adds little error.
     let fine = 0.25 * step * degrees;
     let transform = [x0 * degrees, fine, 0.0, y0 * degrees, 0.0, -fine];

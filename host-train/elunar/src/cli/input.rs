@@ -4,6 +4,7 @@
 mod tests {
     use crate::cli::{Cli, run};
     use clap::Parser;
+    use elunar_core::sun::Body;
     use elunar_raster::geotiff::{SampleType, WriteOptions, read, write};
     use elunar_raster::{Crs, GeoRef, Raster};
 
@@ -16,7 +17,10 @@ mod tests {
 
     /// A DTM of 40 x 40 pixels of 2 m.
     fn ridges() -> Raster {
-        let georef = GeoRef { transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [0.0, 2.0, 0.0, 0.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         let height = |i: usize| ((i % 40) as f32 * 0.3).sin() * 9.0 + (i / 40) as f32;
         Raster { rows: 40, cols: 40, samples: (0..1600).map(height).collect(), georef: Some(georef) }
     }

@@ -96,6 +96,7 @@ mod tests {
     use super::*;
     use crate::cli::{Cli, Command, Shared};
     use clap::Parser;
+    use elunar_core::sun::Body;
     use elunar_raster::{Crs, GeoRef, Raster, geotiff};
     use std::path::Path;
 
@@ -108,7 +109,10 @@ mod tests {
 
     /// Writes a ridged DTM of 80 x 60 pixels of 2 m around longitude 0, latitude 0.
     fn write_dtm(path: &Path) {
-        let georef = GeoRef { transform: [-60.0, 2.0, 0.0, 80.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [-60.0, 2.0, 0.0, 80.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         let height = |i: usize| ((i / 60) as f32 * 0.31).sin() * 20.0 + ((i % 60) as f32 * 0.17).cos() * 15.0;
         let raster = Raster { rows: 80, cols: 60, samples: (0..4800).map(height).collect(), georef: Some(georef) };
         geotiff::write(path, &raster, &geotiff::WriteOptions::heights("heights")).unwrap();

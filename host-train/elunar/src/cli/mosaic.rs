@@ -3,10 +3,11 @@
 use crate::held::Held;
 use crate::outputs as output;
 use elunar_base::{Error, Result, interrupt, progress, read, say};
+use elunar_core::sun::Body;
+use elunar_raster::Crs;
 use elunar_raster::align::{Interpolation, Reprojected};
 use elunar_raster::geotiff::{Compression, WriteOptions, Writer};
 use elunar_raster::source::Source as _;
-use elunar_raster::{Crs, MOON_RADIUS_M};
 use elunar_scene::body;
 use elunar_scene::mosaic::{Grid, GridOptions, JoinRules, MosaicInput, WeightRules, join};
 use std::path::{Path, PathBuf};
@@ -119,7 +120,7 @@ impl Joining {
 
     /// Returns the radius of the body, metres.
     fn radius_m(&self) -> f64 {
-        self.grid.georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M)
+        self.grid.georef.crs.sphere_radius_m().unwrap_or(Body::Moon.radius_m())
     }
 
     /// Joins the DTMs, and passes whole rows to `take`, from top to bottom: metres, NaN where no DTM has a height.

@@ -1,6 +1,7 @@
 //! Every kind of file is recognised.
 
 use super::describe;
+use elunar_core::sun::Body;
 use elunar_raster::{Crs, GeoRef, Raster, geotiff};
 use std::path::Path;
 
@@ -19,7 +20,10 @@ fn refused(path: &Path) -> (String, String) {
 fn rasters_are_described() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.tif");
-    let georef = GeoRef { transform: [0.0, 2.0, 0.0, 10.0, 0.0, -2.5], crs: Crs::moon_equirectangular(0.0, 180.0) };
+    let georef = GeoRef {
+        transform: [0.0, 2.0, 0.0, 10.0, 0.0, -2.5],
+        crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0),
+    };
     let samples = (0..40).map(|i| if i < 10 { f32::NAN } else { i as f32 }).collect();
     let raster = Raster { rows: 4, cols: 10, samples, georef: Some(georef) };
     geotiff::write(&path, &raster, &geotiff::WriteOptions::heights("heights")).unwrap();

@@ -1,8 +1,8 @@
 //! Descriptions of labels and tables.
 
 use elunar_base::Result;
+use elunar_core::sun::Body;
 use elunar_evaluate::lola::{csv, track};
-use elunar_raster::MOON_RADIUS_M;
 use elunar_raster::pds3::LabelBlock;
 use std::path::Path;
 
@@ -58,7 +58,8 @@ pub(super) fn heading(head: &[u8]) -> Option<String> {
 
 /// Describes a table of points. Radii are relative to the Moon's sphere.
 pub(super) fn points(path: &Path, heading: &str) -> Result<String> {
-    let table = csv::read(path, None, MOON_RADIUS_M)?;
+    let radius_m = Body::Moon.radius_m();
+    let table = csv::read(path, None, radius_m)?;
     let tracks = track::split(&table.points, track::TRACK_GAP_S).len();
     let range = |of: fn(&track::LaserSpot) -> f64| {
         let values = table.points.iter().map(of);
@@ -67,7 +68,7 @@ pub(super) fn points(path: &Path, heading: &str) -> Result<String> {
     let ((lon0, lon1), (lat0, lat1), (low, high)) = (range(|p| p.lon_deg), range(|p| p.lat_deg), range(|p| p.height_m));
     Ok(format!(
         "table of {} points in {tracks} tracks, {} more rows flagged\ncolumns: {heading}\nlongitude: {lon0} to {lon1} deg\n\
-         latitude: {lat0} to {lat1} deg\nheight: {low:.3} to {high:.3} m above {MOON_RADIUS_M} m",
+         latitude: {lat0} to {lat1} deg\nheight: {low:.3} to {high:.3} m above {radius_m} m",
         table.points.len(),
         table.flagged
     ))

@@ -6,6 +6,7 @@
 
 mod inputs;
 mod memory;
+mod pds4;
 mod report;
 mod request;
 mod stac;
@@ -251,6 +252,9 @@ fn take(args: &Request) -> Result<(Owner, Vec<Owner>)> {
     }
     if let Some(path) = &args.stac {
         outputs::extension(path, &["json"])?;
+    }
+    if let Some(path) = &args.pds4 {
+        outputs::extension(path, &["xml"])?;
     }
     outputs::take_dtm(&args.output, &args.further(), &args.read())
 }

@@ -30,6 +30,9 @@ pub struct Request {
     /// Write a STAC item beside the DTM that describes it, for catalogues.
     #[arg(long, value_name = "ITEM.json")]
     pub stac: Option<PathBuf>,
+    /// Write the heights as a PDS4 product, for archives: this label, and an array beside it (.img).
+    #[arg(long, value_name = "LABEL.xml")]
+    pub pds4: Option<PathBuf>,
     /// Number of threads; 0 takes as many as the machine offers.
     #[arg(long, default_value_t = 0, value_parser = crate::threads::number)]
     pub threads: usize,
@@ -59,7 +62,9 @@ impl Request {
     /// Returns what is written besides the DTM.
     pub(super) fn further(&self) -> Vec<OutputTarget<'_>> {
         let errors = self.uncertainty.iter().map(|path| OutputTarget::Errors(path));
-        errors.chain(self.report.iter().chain(&self.stac).map(|path| OutputTarget::File(path))).collect()
+        let labels = self.pds4.iter().map(|path| OutputTarget::Label(path));
+        let files = self.report.iter().chain(&self.stac).map(|path| OutputTarget::File(path));
+        errors.chain(files).chain(labels).collect()
     }
 }
 

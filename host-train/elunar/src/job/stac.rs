@@ -7,8 +7,8 @@ use super::words::file_name;
 use elunar_base::digest::sha256;
 use elunar_base::{Error, Result, SOFTWARE, atomic_write};
 use elunar_core::sun::{Body, UtcTime};
+use elunar_raster::footprint::{bounds, footprint};
 use elunar_raster::sun::{body_of, north_deg};
-use elunar_raster::{GeoRef, Projection};
 use elunar_scene::predict::hillshade_path;
 use elunar_scene::predict::identity::is_hash;
 use elunar_scene::predict::record::PredictionRecord;
@@ -23,8 +23,6 @@ const EXTENSIONS: [&str; 4] = [
     "https://stac-extensions.github.io/file/v2.1.0/schema.json",
     "https://stac-extensions.github.io/ssys/v1.1.0/schema.json",
 ];
-/// Points along each side of a footprint.
-const SIDE_POINTS: usize = 8;
 /// Beginning of a SHA-256 as STAC's file extension writes it (a multihash).
 const MULTIHASH_SHA256: &str = "1220";
 
@@ -37,11 +35,7 @@ pub(super) fn write(path: &Path, args: &Request, task: &Task, record: &Predictio
     let (rows, cols, georef) = (record.rows, record.cols, &work.scene.georef);
     let unknown = || Error::input(format!("{}: --stac: a projection with longitudes expected", record.image));
     let ring = footprint(georef, rows, cols).ok_or_else(unknown)?;
-    let range = |k: usize| {
-        let of = |fold: fn(f64, f64) -> f64, from| ring.iter().map(|point| point[k]).fold(from, fold);
-        (of(f64::min, f64::INFINITY), of(f64::max, f64::NEG_INFINITY))
-    };
-    let ((west, east), (south, north)) = (range(0), range(1));
+    let [(west, east), (south, north)] = bounds(&ring);
     let folder = path.parent().unwrap_or(Path::new(""));
     let item = json!({
         "type": "Feature",
@@ -99,7 +93,7 @@ fn properties(args: &Request, task: &Task, record: &PredictionRecord) -> Result<
 }
 
 /// Returns the name of an input, or what stands for a file on the net.
-fn named(path: &Path, content: &str) -> String {
+pub(super) fn named(path: &Path, content: &str) -> String {
     if is_hash(content) { file_name(path) } else { content.into() }
 }
 
@@ -139,34 +133,6 @@ fn href(path: &Path, folder: &Path) -> String {
     }
 }
 
-/// Returns the outline of a raster, closed, counter-clockwise on a map with north up: longitudes (-180 to 180 at its first corner, on from there)
-/// and latitudes, degrees.
-fn footprint(georef: &GeoRef, rows: usize, cols: usize) -> Option<Vec<[f64; 2]>> {
-    let projection = Projection::of(&georef.crs)?;
-    let [x0, x_col, x_row, y0, y_col, y_row] = georef.transform;
-    let corners = [(0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0), (0.0, 0.0)];
-    let mut ring: Vec<[f64; 2]> = vec![];
-    for pair in corners.windows(2) {
-        for k in 0..SIDE_POINTS {
-            let along = k as f64 / SIDE_POINTS as f64;
-            let at = |a: f64, b: f64| a + (b - a) * along;
-            let (row, col) = (at(pair[0].0, pair[1].0) * rows as f64, at(pair[0].1, pair[1].1) * cols as f64);
-            let (lon, lat) = projection.inverse(x0 + x_col * col + x_row * row, y0 + y_col * col + y_row * row);
-            let before = ring.last().map_or(0.0, |point| point[0]);
-            ring.push([(lon - before + 180.0).rem_euclid(360.0) - 180.0 + before, lat]);
-        }
-    }
-    let (first, last) = (*ring.first()?, *ring.last()?);
-    if (last[0] - first[0]).abs() > 180.0 {
-        // A map about a pole: all longitudes, from the outline to the pole.
-        let edge = ring.iter().map(|point| point[1]).fold(f64::INFINITY, |a, b| if b.abs() < a.abs() { b } else { a });
-        let (south, north) = if edge > 0.0 { (edge, 90.0) } else { (-90.0, edge) };
-        ring = vec![[-180.0, north], [-180.0, south], [180.0, south], [180.0, north]];
-    }
-    ring.push(*ring.first()?);
-    ring.iter().flatten().all(|v| v.is_finite()).then_some(ring)
-}
-
 /// Returns the time now.
 fn now() -> Result<String> {
     let unix_s = SystemTime::now().duration_since(UNIX_EPOCH).map_or(0.0, |time| time.as_secs() as f64);
@@ -179,7 +145,6 @@ mod tests {
     use super::*;
     use crate::job::{self, Request};
     use clap::Parser;
-    use elunar_raster::Crs;
     use elunar_synth::{Moon, SynthOptions};
 
     #[derive(Parser)]
@@ -212,19 +177,5 @@ mod tests {
         assert_eq!((ring.len(), &ring[0]), (33, &ring[32]));
         let unknown = run(&["--fit-sun", "--no-anchor"]);
         assert!(unknown["properties"]["description"].as_str().unwrap().contains("The image's time is unknown"));
-    }
-
-    #[test]
-    fn footprints_run_counter_clockwise_and_close_about_a_pole() {
-        let of = |srs: &str, transform| {
-            let ring = footprint(&GeoRef { transform, crs: Crs::parse(srs).unwrap() }, 100, 100).unwrap();
-            let area: f64 = ring.windows(2).map(|p| p[0][0] * p[1][1] - p[1][0] * p[0][1]).sum();
-            (ring, area)
-        };
-        // Across the meridian of 180 degrees.
-        let (ring, area) = of("+proj=longlat +R=1737400", [179.5, 0.01, 0.0, 10.0, 0.0, -0.01]);
-        assert!(area > 0.0 && (ring[16][0] - 180.5).abs() < 1e-9 && (ring[16][1] - 9.0).abs() < 1e-9, "{ring:?}");
-        let (ring, area) = of("+proj=stere +lat_0=-90 +lon_0=0 +R=1737400", [-500.0, 10.0, 0.0, 500.0, 0.0, -10.0]);
-        assert!(area > 0.0 && ring.len() == 5 && ring[1] == [-180.0, -90.0] && ring[0][1] < -89.9, "{ring:?}");
     }
 }

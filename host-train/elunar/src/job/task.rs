@@ -7,9 +7,10 @@ use crate::held::Held;
 use elunar_base::{Error, Result, say};
 use elunar_core::sun::UtcTime;
 use elunar_net::illumination::Lighting;
+use elunar_raster::pds4;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::errors::assumed_sigma_m;
-use elunar_scene::predict::identity::{self, Identity, content_of_input};
+use elunar_scene::predict::identity::{self, Identity, content_of_input, job_note};
 use elunar_scene::predict::job::{Keep, survey};
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::notices::notices;
@@ -111,7 +112,9 @@ impl Task {
     pub(super) fn is_finished(&self, args: &Request) -> bool {
         let outputs = std::iter::once(&args.output).chain(&args.uncertainty);
         let has_others = args.report.iter().chain(&args.stac).all(|path| path.is_file());
-        has_others && outputs.into_iter().all(|output| self.identity.is_finished(output))
+        let note = job_note(&self.identity.job);
+        let has_label = args.pds4.as_deref().is_none_or(|path| pds4::holds(path, &note));
+        has_others && has_label && outputs.into_iter().all(|output| self.identity.is_finished(output))
     }
 
     /// Returns the survey that all parts of the DTM and `join` use. The first of them makes it.

@@ -2,9 +2,9 @@
 
 use super::report;
 use super::request::Request;
-use super::stac;
 use super::task::{Task, Work};
 use super::{Done, Watch};
+use super::{pds4, stac};
 use elunar_base::output::Owner;
 use elunar_base::{Result, say};
 use elunar_scene::predict::errors::origins_text;
@@ -111,6 +111,10 @@ pub(super) fn write(
     if let Some(path) = &args.stac {
         stac::write(path, args, task, &record)?;
         text += &format!("\n{}: STAC item", path.display());
+    }
+    if let Some(path) = &args.pds4 {
+        pds4::write(path, args, task)?;
+        text += &format!("\n{}: PDS4 label", path.display());
     }
     Ok(Done { text, json: Some(record.json()) })
 }

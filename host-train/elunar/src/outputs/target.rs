@@ -1,5 +1,6 @@
 //! An output, with the files beside it.
 
+use elunar_raster::pds4::samples_path;
 use elunar_scene::predict::{hillshade_path, sum_path, survey_path};
 use std::path::{Path, PathBuf};
 
@@ -12,13 +13,15 @@ pub enum OutputTarget<'a> {
     Dtm(&'a Path),
     /// The expected errors of a DTM.
     Errors(&'a Path),
+    /// A PDS4 label, whose samples lie beside it.
+    Label(&'a Path),
 }
 
 impl<'a> OutputTarget<'a> {
     /// Returns the output.
     #[must_use]
     pub fn path(self) -> &'a Path {
-        let (Self::File(path) | Self::Dtm(path) | Self::Errors(path)) = self;
+        let (Self::File(path) | Self::Dtm(path) | Self::Errors(path) | Self::Label(path)) = self;
         path
     }
 
@@ -35,6 +38,7 @@ impl<'a> OutputTarget<'a> {
         match self {
             Self::File(_) => {}
             Self::Errors(_) => all.push(sum_path(output)),
+            Self::Label(_) => all.push(samples_path(output)),
             Self::Dtm(_) => {
                 all.extend([sum_path(output), survey_path(output), beside(".survey.lock"), hillshade_path(output)]);
             }

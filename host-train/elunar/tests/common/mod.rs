@@ -1,6 +1,7 @@
 //! The program, as users run it.
 #![allow(dead_code)] // each test file uses only some functions
 
+use elunar_core::sun::Body;
 use elunar_raster::geotiff::{SampleType, WriteOptions, write};
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::path::Path;
@@ -28,7 +29,7 @@ pub(crate) fn made(folder: &Path, words: &[&str]) -> String {
 /// Writes a DTM of 60 x 50 pixels of 40 m, and an image of 300 x 250 of 8 m: brighter where the ground rises eastwards.
 pub(crate) fn scene(folder: &Path) {
     let raster = |rows: usize, cols: usize, pixel_m: f64, value: &dyn Fn(f64, f64) -> f64| {
-        let crs = Crs::moon_equirectangular(20.0, 10.0);
+        let crs = Crs::equirectangular(Body::Moon.radius_m(), 20.0, 10.0);
         let georef = GeoRef { transform: [9000.0, pixel_m, 0.0, 604_000.0, 0.0, -pixel_m], crs };
         let at = |i: usize| value((i % cols) as f64 * pixel_m, (i / cols) as f64 * pixel_m) as f32;
         Raster { rows, cols, samples: (0..rows * cols).map(at).collect(), georef: Some(georef) }

@@ -30,10 +30,11 @@ pub fn difference(first: Named, second: Named, absolute: bool) -> Result<Raster>
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
     use elunar_raster::{Crs, GeoRef};
 
     fn plane(rows: usize, cols: usize, transform: [f64; 6], offset_m: f32) -> Raster {
-        let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
         let height = |i: usize| {
             let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
             (0.01 * x - 0.02 * y) as f32 + offset_m

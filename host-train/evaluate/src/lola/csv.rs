@@ -279,14 +279,14 @@ fn seconds(text: &str) -> Option<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use elunar_raster::MOON_RADIUS_M;
+    use elunar_core::sun::Body;
     use elunar_testing::mutate;
     use rand::SeedableRng;
     use rand_chacha::ChaCha8Rng;
 
     fn read_text(text: &str, format: Option<&str>) -> Result<LolaTable> {
         let format = format.map(|format| format.parse::<CsvFormat>().unwrap());
-        parse(Path::new("t.csv"), text.as_bytes(), format.as_ref(), MOON_RADIUS_M)
+        parse(Path::new("t.csv"), text.as_bytes(), format.as_ref(), Body::Moon.radius_m())
     }
 
     #[test]
@@ -384,7 +384,7 @@ mod tests {
         for round in 0..6000 {
             let mut bytes = seeds[round % 2].as_bytes().to_vec();
             mutate(&mut bytes, &pieces, &mut rng);
-            match parse(Path::new("t.csv"), bytes.as_slice(), None, MOON_RADIUS_M) {
+            match parse(Path::new("t.csv"), bytes.as_slice(), None, Body::Moon.radius_m()) {
                 Ok(table) => {
                     let sound = |p: &LaserSpot| p.height_m.is_finite() && p.time_s.is_none_or(f64::is_finite);
                     assert!(table.points.iter().all(sound));

@@ -4,6 +4,7 @@ use super::csv;
 use super::report::{ComparedTrack, Report, json, table};
 use super::shift::{Fit, Shifted, TrackDtm};
 use super::track::LaserSpot;
+use elunar_core::sun::Body;
 use elunar_raster::source::{self, InMemory};
 use elunar_raster::{Crs, GeoRef, Projection, Raster, geotiff};
 use elunar_testing::rasterio;
@@ -46,8 +47,8 @@ fn fit(raster: Raster, track: &[LaserSpot], search_m: f64) -> Option<Fit> {
 #[test]
 fn planted_shifts_are_found() {
     let systems = [
-        (Crs::moon_equirectangular(0.0, 180.0), 1.0),
-        (Crs::moon_polar(true), 1.0),
+        (Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0), 1.0),
+        (Crs::polar(Body::Moon.radius_m(), true), 1.0),
         (Crs::parse("+proj=ortho +lat_0=26 +lon_0=3 +R=1737400").unwrap(), 1.0),
         (Crs::parse("+proj=tmerc +lat_0=-70 +lon_0=3 +k=0.999 +R=1737400").unwrap(), 1.0),
         (Crs::parse("+proj=merc +lon_0=180 +R=1737400 +units=km").unwrap(), 1e-3),
@@ -73,7 +74,7 @@ fn planted_shifts_are_found() {
 
 #[test]
 fn the_deviation_is_that_of_eq_18() {
-    let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let (raster, georef) = dtm(Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), 200, 140, 1.0);
     let mut track = track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0);
     track.iter_mut().enumerate().for_each(|(i, p)| p.height_m += if i % 2 == 0 { 1.0 } else { -2.0 } - 0.25);
     // Without a search the figures follow the definition: e = -1 + 0.25 and 2 + 0.25, no mean removed, divided by n - 1.
@@ -90,7 +91,7 @@ fn the_deviation_is_that_of_eq_18() {
 
 #[test]
 fn an_offset_is_the_medians_and_the_search_has_an_edge() {
-    let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let (raster, georef) = dtm(Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), 200, 140, 1.0);
     let above = track(&georef, 200, 140, 1.0, (3.0, 2.0), -0.05);
     let offset = fit(raster.clone(), &above, 10.0).unwrap();
     let Shifted { median_m, std_median_removed_m, .. } = offset.median_removed;
@@ -103,7 +104,7 @@ fn an_offset_is_the_medians_and_the_search_has_an_edge() {
 /// A track 5 m above its DTM lies where it lies. By Eq. 18 it moves to ground that is 5 m higher.
 #[test]
 fn a_constant_offset_does_not_move_the_answer() {
-    let (raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let (raster, georef) = dtm(Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), 200, 140, 1.0);
     for (moved, above) in [((0.0, 0.0), 5.0), ((3.0, -6.0), 5.0), ((3.0, -6.0), -40.0)] {
         let track = track(&georef, 200, 140, 1.0, moved, above);
         let Fit { median_removed: found, eq_18, unshifted, .. } = fit(raster.clone(), &track, 12.0).unwrap();
@@ -132,7 +133,7 @@ fn the_shared_track_stays() {
 /// A DTM across 180 degrees has values of x beyond half a turn.
 #[test]
 fn a_map_across_the_seam_is_found() {
-    let crs = Crs::moon_equirectangular(0.0, 0.0);
+    let crs = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0);
     let period = Projection::of(&crs).unwrap().period().unwrap();
     let (mut raster, georef) = dtm(crs, 200, 140, 1.0);
     let here = fit(raster.clone(), &track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0), 8.0).unwrap();
@@ -152,7 +153,7 @@ fn a_map_across_the_seam_is_found() {
 
 #[test]
 fn gaps_and_edges_take_points_away() {
-    let (mut raster, georef) = dtm(Crs::moon_equirectangular(0.0, 0.0), 200, 140, 1.0);
+    let (mut raster, georef) = dtm(Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), 200, 140, 1.0);
     let track = track(&georef, 200, 140, 1.0, (0.0, 0.0), 0.0);
     let all = fit(raster.clone(), &track, 6.0).unwrap().points;
     raster.samples[90 * 140..110 * 140].fill(f32::NAN);
@@ -166,7 +167,7 @@ fn gaps_and_edges_take_points_away() {
 
 #[test]
 fn what_cannot_be_searched_is_refused() {
-    let (raster, _) = dtm(Crs::moon_equirectangular(0.0, 0.0), 30, 30, 1.0);
+    let (raster, _) = dtm(Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0), 30, 30, 1.0);
     let refused = |raster: Raster, search_m: f64| {
         let source = InMemory::new(raster, None, "memory");
         TrackDtm::new(&source, "d.tif", search_m).err().expect("refused").to_string()
@@ -236,8 +237,10 @@ fn a_twin_in_numpy_agrees() {
     let folder = tempfile::tempdir().unwrap();
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     let (rows, cols) = (90, 70);
-    let georef =
-        GeoRef { transform: [-40_000.0, 2.0, 0.0, 9000.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 180.0) };
+    let georef = GeoRef {
+        transform: [-40_000.0, 2.0, 0.0, 9000.0, 0.0, -2.0],
+        crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0),
+    };
     let samples: Vec<f32> = (0..rows * cols).map(|i| (i % cols) as f32 * 0.5 + rng.random_range(-3.0..3.0)).collect();
     let raster = Raster { rows, cols, samples, georef: Some(georef.clone()) };
     geotiff::write(&folder.path().join("d.tif"), &raster, &geotiff::WriteOptions::heights("heights")).unwrap();

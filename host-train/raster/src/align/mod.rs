@@ -144,9 +144,10 @@ fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
 mod tests {
     use super::*;
     use crate::{Crs, GeoRef};
+    use elunar_core::sun::Body;
 
     fn plane(rows: usize, cols: usize, transform: [f64; 6]) -> Raster {
-        let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
         let height = |i: usize| {
             let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
             (0.01 * x - 0.02 * y) as f32
@@ -234,13 +235,13 @@ mod tests {
         let refused = |b: &Raster| {
             onto(Named::new("c.tif", b), Named::new("i.tif", &a), Interpolation::Bicubic).unwrap_err().to_string()
         };
-        b.georef.as_mut().unwrap().crs = Crs::moon_equirectangular(0.0, 180.0);
+        b.georef.as_mut().unwrap().crs = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0);
         let text = refused(&b);
         assert!(text.contains("c.tif") && text.contains("i.tif") && text.contains("longitudes -180.000 to"), "{text}");
         let mars = Crs::parse("IAU_2015:49910").unwrap();
         b.georef.as_mut().unwrap().crs = mars;
         assert!(refused(&b).contains("(1737400 m) expected, 3396190 m found"), "{}", refused(&b));
-        let mut unknown = Crs::moon_equirectangular(0.0, 180.0);
+        let mut unknown = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0);
         let at = unknown.directory.iter().position(|&key| key == 3075).unwrap();
         unknown.directory[at + 3] = 12;
         b.georef.as_mut().unwrap().crs = unknown;
@@ -257,7 +258,8 @@ mod tests {
         let metres = [349_000.0, 2.0, 0.0, 600_000.0, 0.0, -2.0];
         b.georef = Some(GeoRef { transform: metres, crs: Crs::geographic(1_737_400.0) });
         assert!(refused(&b).contains("metres?") && !refused(&b).contains("inf"), "{}", refused(&b));
-        b.georef = Some(GeoRef { transform: [10.0, 0.1, 0.0, 5.0, 0.0, -0.1], crs: Crs::moon_polar(false) });
+        b.georef =
+            Some(GeoRef { transform: [10.0, 0.1, 0.0, 5.0, 0.0, -0.1], crs: Crs::polar(Body::Moon.radius_m(), false) });
         assert!(refused(&b).contains("are they degrees?"), "{}", refused(&b));
         b.georef = a.georef.clone();
         b.georef.as_mut().unwrap().crs = Crs::default();

@@ -101,6 +101,7 @@ mod tests {
     use super::*;
     use crate::Raster;
     use crate::source::{InMemory, read_all};
+    use elunar_core::sun::Body;
 
     /// Returns a height that is linear in longitude and latitude, so that it is known in every projection.
     fn height(lon_deg: f64, lat_deg: f64) -> f64 {
@@ -120,8 +121,14 @@ mod tests {
 
     #[test]
     fn heights_stay_where_they_are_on_the_ground() {
-        let source =
-            || plane(Crs::moon_equirectangular(20.0, 30.0), 150, 120, [5000.0, 60.0, 0.0, 600_000.0, 0.0, -60.0]);
+        let source = || {
+            plane(
+                Crs::equirectangular(Body::Moon.radius_m(), 20.0, 30.0),
+                150,
+                120,
+                [5000.0, 60.0, 0.0, 600_000.0, 0.0, -60.0],
+            )
+        };
         for (text, spacing) in [("IAU_2015:30100", None), ("IAU_2015:30115", Some(50.0)), ("IAU_2015:30110", None)] {
             let crs = Crs::parse(text).unwrap();
             let seen = Reprojected::new(source(), "dem", &crs, (spacing, None), Interpolation::Bilinear).unwrap();
@@ -149,7 +156,7 @@ mod tests {
     /// Neighbours on both sides of 180 degrees, in another system: every pixel of the whole is one of theirs.
     #[test]
     fn neighbours_leave_no_gap() {
-        let crs = || Crs::moon_equirectangular(0.0, 0.0);
+        let crs = || Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0);
         let half = Projection::of(&crs()).unwrap().period().unwrap() / 2.0;
         let source = |cols: usize, x: f64| plane(crs(), 30, cols, [x, 60.0, 0.0, 700.0, 0.0, -60.0]);
         let (whole, west, east) = (source(80, half - 2400.0), source(40, half - 2400.0), source(40, -half));
@@ -176,7 +183,7 @@ mod tests {
 
     #[test]
     fn what_cannot_be_is_named() {
-        let source = plane(Crs::moon_polar(true), 20, 20, [0.0, 60.0, 0.0, 0.0, 0.0, -60.0]);
+        let source = plane(Crs::polar(Body::Moon.radius_m(), true), 20, 20, [0.0, 60.0, 0.0, 0.0, 0.0, -60.0]);
         let refused = |crs: &str, spacing| {
             let crs = Crs::parse(crs).unwrap();
             Reprojected::new(source.clone(), "dem", &crs, (spacing, None), Interpolation::Bilinear)

@@ -61,7 +61,7 @@ impl Crs {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::MOON_RADIUS_M;
+    use elunar_core::sun::Body;
 
     #[test]
     fn absurd_bodies_have_a_defect() {
@@ -74,25 +74,25 @@ mod tests {
             (f64::INFINITY, 2058, f64::INFINITY),
             (f64::NAN, 2058, f64::NAN),
             (0.0, 2058, 0.0),
-            (-MOON_RADIUS_M, 2058, -MOON_RADIUS_M),
+            (-Body::Moon.radius_m(), 2058, -Body::Moon.radius_m()),
             (1e300, 2058, 1e300),
             (1e-300, 2058, 1e-300),
-            (MOON_RADIUS_M, 2058, 1.0),
-            (MOON_RADIUS_M, 2058, 4.0 * MOON_RADIUS_M),
-            (MOON_RADIUS_M, 2059, 1.0),
-            (MOON_RADIUS_M, 2059, 0.5),
-            (MOON_RADIUS_M, 2059, f64::NAN),
+            (Body::Moon.radius_m(), 2058, 1.0),
+            (Body::Moon.radius_m(), 2058, 4.0 * Body::Moon.radius_m()),
+            (Body::Moon.radius_m(), 2059, 1.0),
+            (Body::Moon.radius_m(), 2059, 0.5),
+            (Body::Moon.radius_m(), 2059, f64::NAN),
         ] {
             let defect = with(major, second, value).defect();
             assert!(defect.as_ref().is_some_and(|d| d.contains("semi-axes")), "{major} {second} {value}: {defect:?}");
         }
         for (major, second, value) in [
-            (MOON_RADIUS_M, 2058, MOON_RADIUS_M),
-            (MOON_RADIUS_M, 2059, 0.0),
+            (Body::Moon.radius_m(), 2058, Body::Moon.radius_m()),
+            (Body::Moon.radius_m(), 2059, 0.0),
             (3_396_190.0, 2058, 3_376_200.0),
             (6_378_137.0, 2059, 298.257),
             (286_300.0, 2058, 223_200.0),
-            (MOON_RADIUS_M, 2059, f64::INFINITY),
+            (Body::Moon.radius_m(), 2059, f64::INFINITY),
         ] {
             assert_eq!(with(major, second, value).defect(), None, "{major} {second} {value}");
         }

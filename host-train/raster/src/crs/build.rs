@@ -1,7 +1,8 @@
 //! Construction of systems. The keys are those that GDAL 3.10 writes.
 
 use super::method::{self, ProjectionParameters};
-use super::{Crs, INLINE, MOON_RADIUS_M, code, key};
+use super::{Crs, INLINE, code, key};
+use elunar_core::sun::Body;
 use tiff::tags::Tag;
 
 /// Origin and unit of the axes of a projected system.
@@ -21,16 +22,16 @@ impl Axes {
 }
 
 impl Crs {
-    /// Makes an equirectangular system on the Moon's sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres.
+    /// Makes an equirectangular system on a sphere: standard parallel `lat_ts_deg`, central meridian `lon0_deg`, metres from the equator.
     #[must_use]
-    pub fn moon_equirectangular(lat_ts_deg: f64, lon0_deg: f64) -> Self {
-        Self::equirectangular(MOON_RADIUS_M, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
+    pub fn equirectangular(radius_m: f64, lat_ts_deg: f64, lon0_deg: f64) -> Self {
+        Self::equirectangular_from(radius_m, lat_ts_deg, (0.0, lon0_deg), Axes::PLAIN)
     }
 
-    /// Makes a polar stereographic system on the Moon's sphere, tangent at the pole, metres. Longitude 0 points downwards (south: upwards).
+    /// Makes a polar stereographic system on a sphere, tangent at the pole, metres. Longitude 0 points downwards (south: upwards).
     #[must_use]
-    pub fn moon_polar(south: bool) -> Self {
-        Self::polar_stereographic(MOON_RADIUS_M, if south { -90.0 } else { 90.0 }, 1.0, 0.0, Axes::PLAIN)
+    pub fn polar(radius_m: f64, south: bool) -> Self {
+        Self::polar_stereographic(radius_m, if south { -90.0 } else { 90.0 }, 1.0, 0.0, Axes::PLAIN)
     }
 
     /// Makes a system of longitude and latitude in degrees on a sphere.
@@ -43,7 +44,7 @@ impl Crs {
     /// Makes an equirectangular system on a sphere: standard parallel `lat_ts_deg`; `origin_deg` is (latitude where y is 0, central
     /// meridian).
     #[must_use]
-    pub fn equirectangular(radius_m: f64, lat_ts_deg: f64, origin_deg: (f64, f64), axes: Axes) -> Self {
+    pub fn equirectangular_from(radius_m: f64, lat_ts_deg: f64, origin_deg: (f64, f64), axes: Axes) -> Self {
         let name = body(radius_m);
         let mut keys = Builder::new(code::PROJECTED, &format!("Equirectangular {name}"), &name, radius_m);
         keys.projected(code::EQUIRECTANGULAR, axes).double(key::STD_PARALLEL_1, lat_ts_deg).axes(axes);
@@ -85,7 +86,7 @@ impl Crs {
 
 /// Returns the name of a body in citations.
 fn body(radius_m: f64) -> String {
-    if radius_m == MOON_RADIUS_M { "Moon".into() } else { format!("sphere of {radius_m} m") }
+    if radius_m == Body::Moon.radius_m() { "Moon".into() } else { format!("sphere of {radius_m} m") }
 }
 
 /// Appends keys in ascending order.

@@ -60,6 +60,7 @@ impl Crs {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
 
     const SOUTH: &str = "PROJCS[\"Moon_2000_South_Pole_Stereographic\",GEOGCS[\"GCS_Moon_2000\",DATUM[\"D_Moon_2000\",SPHEROID[\"Moon_2000_IAU_IAG\",1737400.0,0.0]],PRIMEM[\"Reference_Meridian\",0.0],UNIT[\"Degree\",0.0174532925199433]],PROJECTION[\"Stereographic_South_Pole\"],PARAMETER[\"False_Easting\",0.0],PARAMETER[\"False_Northing\",0.0],PARAMETER[\"Central_Meridian\",0.0],PARAMETER[\"Standard_Parallel_1\",-90.0],UNIT[\"Meter\",1.0]]";
 
@@ -76,14 +77,17 @@ mod tests {
     fn the_text_becomes_keys() {
         for raster_type in [1, 2] {
             let crs = esri(SOUTH, raster_type).with_keys_of_citation();
-            assert!(crs.same_as(&Crs::moon_polar(true)), "{crs:?}");
+            assert!(crs.same_as(&Crs::polar(Body::Moon.radius_m(), true)), "{crs:?}");
             assert_eq!((crs.defect(), crs.pixel_is_point()), (None, raster_type == 2));
         }
         let heights = format!("{SOUTH},VERTCS[\"a]\",VDATUM[\"b\"],UNIT[\"Meter\",1.0]]");
-        assert!(esri(&heights, 1).with_keys_of_citation().same_as(&Crs::moon_polar(true)), "with a vertical system");
+        assert!(
+            esri(&heights, 1).with_keys_of_citation().same_as(&Crs::polar(Body::Moon.radius_m(), true)),
+            "with a vertical system"
+        );
         let degrees = &SOUTH[SOUTH.find("GEOGCS").unwrap()..SOUTH.find(",PROJECTION").unwrap()];
         assert!(esri(degrees, 1).with_keys_of_citation().same_as(&Crs::geographic(1_737_400.0)));
-        let keyed = Crs::moon_equirectangular(3.0, 4.0);
+        let keyed = Crs::equirectangular(Body::Moon.radius_m(), 3.0, 4.0);
         assert_eq!(keyed.clone().with_keys_of_citation(), keyed, "keys that suffice are kept");
     }
 

@@ -2,13 +2,14 @@
 
 use super::build::Axes;
 use super::method::{ProjectionMethod, ProjectionParameters};
-use super::{Crs, MOON_RADIUS_M, body};
+use super::{Crs, body};
 use crate::Projection;
 use elunar_base::{Error, Result};
+use elunar_core::sun::Body;
 use std::collections::BTreeMap;
 
-/// Bodies of `IAU_2015` codes: NAIF number, and radius of the sphere in metres (IAU working group, 2015).
-const IAU_BODIES: [(u32, f64); 2] = [(301, MOON_RADIUS_M), (499, 3_396_190.0)];
+/// Bodies of `IAU_2015` codes, and their NAIF numbers.
+const IAU_BODIES: [(u32, Body); 2] = [(301, Body::Moon), (499, Body::Mars)];
 
 /// PROJ parameters without effect here.
 const IDLE: [&str; 4] = ["no_defs", "type", "wktext", "over"];
@@ -49,7 +50,7 @@ impl Crs {
 fn of_code(text: &str) -> Option<String> {
     let (_, code) = text.split_once(':').filter(|(authority, _)| authority.eq_ignore_ascii_case("IAU_2015"))?;
     let (naif, kind) = (code.get(..3)?, code.get(3..)?);
-    let (_, radius_m) = IAU_BODIES.into_iter().find(|(number, _)| number.to_string() == naif)?;
+    let (_, body) = IAU_BODIES.into_iter().find(|(number, _)| number.to_string() == naif)?;
     let map = match kind {
         "00" => "longlat",
         "10" => "eqc",
@@ -65,7 +66,7 @@ fn of_code(text: &str) -> Option<String> {
         "90" => "merc",
         _ => return None,
     };
-    Some(format!("+proj={map} +R={radius_m}"))
+    Some(format!("+proj={map} +R={}", body.radius_m()))
 }
 
 /// Returns how deep the brackets of a text are nested.
@@ -167,7 +168,7 @@ impl<'a> Proj<'a> {
                 if lat_ts_deg.abs() >= 90.0 {
                     return Err(self.error("a standard parallel (+lat_ts) within 90 degrees of the equator expected"));
                 }
-                Crs::equirectangular(radius_m, lat_ts_deg, origin_deg, self.axes()?)
+                Crs::equirectangular_from(radius_m, lat_ts_deg, origin_deg, self.axes()?)
             }
             "stere" | "sterea" => self.stereographic(radius_m)?,
             _ => self.ported(name, radius_m)?,
@@ -283,8 +284,8 @@ mod tests {
             assert!(a.same_as(&b) && Projection::of(&a).is_some(), "{code}: {} and {}", a.summary(), b.summary());
             assert_eq!((a.defect(), b.defect()), (None, None));
         }
-        assert!(Crs::parse("IAU_2015:30110").unwrap().same_as(&Crs::moon_equirectangular(0.0, 0.0)));
-        assert!(Crs::parse("IAU_2015:30135").unwrap().same_as(&Crs::moon_polar(true)));
+        assert!(Crs::parse("IAU_2015:30110").unwrap().same_as(&Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0)));
+        assert!(Crs::parse("IAU_2015:30135").unwrap().same_as(&Crs::polar(Body::Moon.radius_m(), true)));
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Systems in messages.
 
-use super::{Crs, MOON_RADIUS_M, body, key, method};
+use super::{Crs, body, key, method};
 use crate::Projection;
+use elunar_core::sun::Body;
 
 impl Crs {
     /// Returns one line for messages: the projection, its parameters and the sphere.
@@ -59,7 +60,7 @@ impl Crs {
         }
         let text = wanted.and_then(Projection::of).map(|projection| projection.proj_text()).unwrap_or_else(|| {
             let cited = || self.cited().and_then(|wkt| radius_m(&wkt));
-            let radius_m = self.axes_m().map(|(major, _)| major).or_else(cited).unwrap_or(MOON_RADIUS_M);
+            let radius_m = self.axes_m().map(|(major, _)| major).or_else(cited).unwrap_or(Body::Moon.radius_m());
             format!("+proj=eqc +R={radius_m}")
         });
         format!("convert it: gdalwarp -t_srs '{text}' {name} {name}.warped.tif")

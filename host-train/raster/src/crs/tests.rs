@@ -1,12 +1,17 @@
 //! Systems and their keys.
 
 use super::*;
+use elunar_core::sun::Body;
 
 #[test]
-fn the_sphere_is_the_moons() {
-    for crs in [Crs::moon_equirectangular(12.0, 180.0), Crs::moon_polar(true), Crs::moon_polar(false)] {
+fn systems_have_their_sphere() {
+    for crs in [
+        Crs::equirectangular(Body::Moon.radius_m(), 12.0, 180.0),
+        Crs::polar(Body::Moon.radius_m(), true),
+        Crs::polar(Body::Moon.radius_m(), false),
+    ] {
         assert!(crs.is_projected() && !crs.is_empty() && !crs.pixel_is_point());
-        assert_eq!(crs.sphere_radius_m(), Some(MOON_RADIUS_M));
+        assert_eq!(crs.sphere_radius_m(), Some(Body::Moon.radius_m()));
         assert_eq!(crs.metres_per_unit(), Some(1.0));
         assert_eq!(crs.defect(), None);
         assert!(crs.directory[4..].chunks(4).is_sorted_by_key(|k| k[0]), "keys ascend");
@@ -17,14 +22,17 @@ fn the_sphere_is_the_moons() {
 
 #[test]
 fn sameness_is_of_meaning() {
-    let a = Crs::moon_equirectangular(0.0, 180.0);
-    let mut b = Crs::moon_equirectangular(0.0, -180.0);
+    let a = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0);
+    let mut b = Crs::equirectangular(Body::Moon.radius_m(), 0.0, -180.0);
     assert!(a.same_as(&b), "a meridian has many names");
     b.ascii = b.ascii.replace("Equirectangular Moon", "equirectangular_moon");
     assert!(a.same_as(&b), "citations are comments");
-    assert!(!a.same_as(&Crs::moon_equirectangular(1.0, 180.0)), "the standard parallel matters");
-    assert!(!a.same_as(&Crs::moon_equirectangular(0.0, 0.0)), "the meridian matters");
-    assert!(!a.same_as(&Crs::moon_polar(true)) && !Crs::moon_polar(false).same_as(&Crs::moon_polar(true)));
+    assert!(!a.same_as(&Crs::equirectangular(Body::Moon.radius_m(), 1.0, 180.0)), "the standard parallel matters");
+    assert!(!a.same_as(&Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0)), "the meridian matters");
+    assert!(
+        !a.same_as(&Crs::polar(Body::Moon.radius_m(), true))
+            && !Crs::polar(Body::Moon.radius_m(), false).same_as(&Crs::polar(Body::Moon.radius_m(), true))
+    );
     assert!(!a.same_as(&Crs::default()) && Crs::default().same_as(&Crs::default()));
     let mut other_sphere = a.clone();
     other_sphere.doubles[0] = 1_738_000.0;
@@ -34,7 +42,7 @@ fn sameness_is_of_meaning() {
 
 #[test]
 fn synonyms_and_defaults_are_folded() {
-    let a = Crs::moon_equirectangular(0.0, 25.0);
+    let a = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 25.0);
     let mut b = a.clone();
     // Entry of the central meridian. Its key becomes the synonym of other writers, and the zeros are left to their defaults.
     let at = b.directory[4..].chunks(4).position(|entry| entry[0] == key::CENTRE_LON).unwrap() * 4 + 4;
@@ -52,7 +60,7 @@ fn synonyms_and_defaults_are_folded() {
 
 #[test]
 fn contradictory_tags_are_found() {
-    let mut crs = Crs::moon_polar(true);
+    let mut crs = Crs::polar(Body::Moon.radius_m(), true);
     crs.doubles.pop();
     assert!(crs.defect().unwrap().contains("3095"));
     assert!(Crs { directory: vec![1, 1, 0, 9], ..Crs::default() }.defect().is_some());

@@ -4,6 +4,7 @@ use super::tests::{heights, same_bits, scratch};
 use super::*;
 use crate::source::Source;
 use crate::{Crs, GeoRef, Raster};
+use elunar_core::sun::Body;
 use elunar_core::tile::Window;
 use elunar_testing::{rasterio as gdal, shared_folder};
 use rand::{Rng, SeedableRng};
@@ -45,7 +46,10 @@ fn gdal_understands_our_systems_and_images() {
     let mut raster = heights(40, 50);
     raster.samples.iter_mut().for_each(|v| *v = (*v + 3200.0) / 10.0 - 6.0);
     for (name, south) in [("n.tif", false), ("s.tif", true)] {
-        raster.georef = Some(GeoRef { transform: [5.0, 1.5, 0.25, -7.0, 0.5, -2.0], crs: Crs::moon_polar(south) });
+        raster.georef = Some(GeoRef {
+            transform: [5.0, 1.5, 0.25, -7.0, 0.5, -2.0],
+            crs: Crs::polar(Body::Moon.radius_m(), south),
+        });
         write(&folder.path().join(name), &raster, &WriteOptions::image(SampleType::U16, "image")).unwrap();
     }
     raster.samples.iter_mut().for_each(|v| *v = if v.is_nan() { 0.0 } else { (*v).clamp(0.0, 255.0) });
@@ -103,7 +107,7 @@ print(n)
         assert_windows_agree(&folder.path().join(format!("v{n}.tif")), &raster, n as u64);
         let georef = raster.georef.unwrap();
         assert_eq!(georef.transform, [100.0, 2.0, 0.0, 500.0, 0.0, -3.0]);
-        assert!(georef.crs.same_as(&Crs::moon_equirectangular(12.0, 180.0)), "{georef:?}");
+        assert!(georef.crs.same_as(&Crs::equirectangular(Body::Moon.radius_m(), 12.0, 180.0)), "{georef:?}");
     }
 }
 
@@ -196,7 +200,7 @@ for name in ('point.tif', 'rotated.tif'):
     assert_eq!(read("nan.tif").valid_count(), 6);
     assert_eq!(read("special.tif").samples[3..], [-32763.0, 0.0, 7.0]);
     assert_eq!(read("special.tif").valid_count(), 3, "NULL, LRS and HRS of PDS3");
-    assert!(read("polar.tif").georef.unwrap().crs.same_as(&Crs::moon_polar(true)));
+    assert!(read("polar.tif").georef.unwrap().crs.same_as(&Crs::polar(Body::Moon.radius_m(), true)));
     for (line, name) in out.lines().zip(["point.tif", "rotated.tif"]) {
         let expected: Vec<f64> = line.split_whitespace().map(|v| v.parse().unwrap()).collect();
         assert_eq!(read(name).georef.unwrap().transform.to_vec(), expected, "{name}");
@@ -270,8 +274,11 @@ a.astype('f4').tofile('a.raw'); print(*d.transform.to_gdal())"
             continue;
         }
         assert_eq!(georef.crs.sphere_radius_m(), Some(1_737_400.0), "{name}");
-        assert!(!name.starts_with("nac") || georef.crs.same_as(&Crs::moon_polar(true)), "{georef:?}");
-        assert!(!name.starts_with("indep") || georef.crs.same_as(&Crs::moon_equirectangular(0.0, 0.0)), "{georef:?}");
+        assert!(!name.starts_with("nac") || georef.crs.same_as(&Crs::polar(Body::Moon.radius_m(), true)), "{georef:?}");
+        assert!(
+            !name.starts_with("indep") || georef.crs.same_as(&Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0)),
+            "{georef:?}"
+        );
         // Written again: GDAL finds the same system in our copy.
         write(&folder.path().join("copy.tif"), &raster, &WriteOptions::heights("copy")).unwrap();
         let script = format!("assert rasterio.open({path:?}).crs == rasterio.open('copy.tif').crs, {name:?}");

@@ -73,6 +73,7 @@ fn placed((sx, sy): (f64, f64), ties: &[f64]) -> std::result::Result<GeoTransfor
 #[cfg(test)]
 mod tests {
     use crate::source::open;
+    use elunar_core::sun::Body;
     use std::path::Path;
     use tiff::encoder::{TiffEncoder, colortype::Gray8};
     use tiff::tags::Tag;
@@ -114,7 +115,7 @@ mod tests {
             (&corners[..2], (0.0, -2.0), false),
             (&corners[..3], (f64::NAN, 0.0), false),
         ] {
-            write(&path, &ties(pixels, off), &crate::Crs::moon_equirectangular(0.0, 0.0));
+            write(&path, &ties(pixels, off), &crate::Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0));
             match open(&path) {
                 Ok(source) => {
                     assert!(agree, "{pixels:?} {off:?}");
@@ -133,7 +134,7 @@ mod tests {
                 }
             }
         }
-        write(&path, &[0.0; 9], &crate::Crs::moon_polar(true));
+        write(&path, &[0.0; 9], &crate::Crs::polar(Body::Moon.radius_m(), true));
         assert!(open(&path).err().unwrap().to_string().contains("9 found"));
     }
 
@@ -142,7 +143,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("t.tif");
         for radius_m in [f64::INFINITY, f64::NAN, 0.0, 1e300] {
-            let mut crs = crate::Crs::moon_equirectangular(0.0, 0.0);
+            let mut crs = crate::Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0);
             crs.doubles[..2].fill(radius_m);
             write(&path, &ties(&[(0.0, 0.0)], (0.0, 0.0)), &crs);
             assert!(open(&path).err().unwrap().to_string().contains("semi-axes of a body expected"));

@@ -3,6 +3,7 @@
 use super::*;
 use crate::{Crs, GeoRef, Raster, source};
 use elunar_base::Error;
+use elunar_core::sun::Body;
 use std::path::{Path, PathBuf};
 
 pub(super) fn scratch() -> tempfile::TempDir {
@@ -13,8 +14,10 @@ pub(super) fn scratch() -> tempfile::TempDir {
 pub(super) fn heights(rows: usize, cols: usize) -> Raster {
     let mut samples: Vec<f32> = (0..rows * cols).map(|i| (i as f32 * 0.37).sin() * 1234.567 - 1900.0).collect();
     samples[rows * cols / 2] = f32::NAN;
-    let georef =
-        GeoRef { transform: [349_000.25, 2.0, 0.0, 600_000.5, 0.0, -2.5], crs: Crs::moon_equirectangular(12.0, 180.0) };
+    let georef = GeoRef {
+        transform: [349_000.25, 2.0, 0.0, 600_000.5, 0.0, -2.5],
+        crs: Crs::equirectangular(Body::Moon.radius_m(), 12.0, 180.0),
+    };
     Raster { rows, cols, samples, georef: Some(georef) }
 }
 
@@ -65,7 +68,7 @@ fn every_kind_of_transform_survives() {
     let folder = scratch();
     let mut raster = heights(20, 30);
     for transform in [[5.0, 1.5, 0.25, -7.0, 0.5, -2.0], [5.0, 2.0, 0.0, 9.0, 0.0, 2.0]] {
-        raster.georef = Some(GeoRef { transform, crs: Crs::moon_polar(true) });
+        raster.georef = Some(GeoRef { transform, crs: Crs::polar(Body::Moon.radius_m(), true) });
         let back = read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap();
         assert_eq!(back.georef, raster.georef);
     }

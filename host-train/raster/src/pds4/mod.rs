@@ -1,10 +1,15 @@
-//! PDS4 images: an XML label that describes an array in a file beside it.
+//! PDS4 images: an XML label that describes an array in a file beside it. Heights are written so, too.
 
 mod array;
 mod place;
+mod write;
 
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod write_tests;
+
+pub use write::{Product, holds, note, samples_path, write};
 
 use super::GeoRef;
 use super::binary::{Binary, Layout, Meaning};

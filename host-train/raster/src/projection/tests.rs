@@ -1,6 +1,7 @@
 //! Projections against themselves and PROJ.
 
 use super::*;
+use elunar_core::sun::Body;
 use elunar_testing::rasterio;
 
 const SYSTEMS: [&str; 25] = [
@@ -161,7 +162,7 @@ fn points_that_do_not_exist_are_nan() {
 
 #[test]
 fn other_systems_are_not_guessed() {
-    let moon = Crs::moon_equirectangular(0.0, 0.0);
+    let moon = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0);
     let change = |key: u16, value: u16| {
         let mut crs = moon.clone();
         let at = crs.directory[4..].chunks(4).position(|entry| entry[0] == key).unwrap() * 4 + 4;

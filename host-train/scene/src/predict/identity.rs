@@ -3,7 +3,7 @@
 use elunar_base::digest::{sha256, sha256_hex};
 use elunar_base::{Result, interrupt, read};
 use elunar_raster::content::identity_of_raster_while;
-use elunar_raster::geotiff;
+use elunar_raster::{geotiff, pds4};
 use std::path::{Path, PathBuf};
 
 /// Metadata item of a DTM with the identity of its job.
@@ -83,9 +83,18 @@ pub fn content_of_input(path: &Path) -> Result<String> {
     identity_of_raster_while(path, &|| !interrupt::requested())
 }
 
-/// Returns whether a file is a GeoTIFF that states the job that made it, whatever job.
+/// Returns the note of a PDS4 label about the job that made it.
+#[must_use]
+pub fn job_note(job: &str) -> String {
+    format!("{JOB_ITEM} {job}")
+}
+
+/// Returns whether a file is a GeoTIFF or a PDS4 label (`.xml`) that states the job that made it, whatever job.
 #[must_use]
 pub fn states_a_job(path: &Path) -> bool {
+    if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("xml")) {
+        return path.is_file() && pds4::note(path).is_some_and(|note| note.starts_with(&job_note("")));
+    }
     path.is_file() && geotiff::read_item(path, JOB_ITEM).is_ok_and(|job| job.is_some())
 }
 

@@ -3,9 +3,10 @@
 use super::identity::{Identity, sum_path};
 use super::preview::{LONGEST_PX, Preview};
 use elunar_base::{Error, Result, SOFTWARE, atomic_write};
+use elunar_core::sun::Body;
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
-use elunar_raster::{GeoRef, MOON_RADIUS_M, Raster};
+use elunar_raster::{GeoRef, Raster};
 use std::path::{Path, PathBuf};
 
 /// Provenance of a DTM, for the file's metadata.
@@ -54,7 +55,7 @@ impl DtmWriter {
     /// # Errors
     /// [`elunar_base::Error::Io`] if the file cannot be created.
     pub fn create(output: &Path, rows: usize, cols: usize, georef: &GeoRef, from: &Provenance) -> Result<Self> {
-        let radius_m = georef.crs.sphere_radius_m().unwrap_or(MOON_RADIUS_M);
+        let radius_m = georef.crs.sphere_radius_m().unwrap_or(Body::Moon.radius_m());
         let Provenance { model, image, coarse, .. } = from;
         let description = format!(
             "DTM from one image: heights above the {radius_m} m sphere; {model}; image {image}; coarse DTM {coarse}"

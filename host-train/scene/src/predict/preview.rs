@@ -56,10 +56,14 @@ impl Preview {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use elunar_core::sun::Body;
     use elunar_raster::Crs;
 
     fn preview(rows: usize, cols: usize, height: impl Fn(usize, usize) -> f32) -> Raster {
-        let georef = GeoRef { transform: [10.0, 2.0, 0.0, 50.0, 0.0, -2.0], crs: Crs::moon_equirectangular(0.0, 0.0) };
+        let georef = GeoRef {
+            transform: [10.0, 2.0, 0.0, 50.0, 0.0, -2.0],
+            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0),
+        };
         let mut preview = Preview::new(rows, cols, georef, LONGEST_PX);
         for row in 0..rows {
             preview.add(&(0..cols).map(|col| height(row, col)).collect::<Vec<f32>>());

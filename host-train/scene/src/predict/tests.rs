@@ -7,6 +7,7 @@ use super::tile::{Rules, TileWorker};
 use super::*;
 use elunar_base::{Error, Result};
 use elunar_core::nn::{Illumination, InputRules, TruthRange};
+use elunar_core::sun::Body;
 use elunar_core::tile::Shape;
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
@@ -99,7 +100,7 @@ impl TileNetwork for Oracle<'_> {
 
 pub(super) fn place(origin: (f64, f64), pixel_m: f64) -> Option<GeoRef> {
     let transform = [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m];
-    Some(GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) })
+    Some(GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) })
 }
 
 fn hills(x: f64, y: f64) -> f64 {

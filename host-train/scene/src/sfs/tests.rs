@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::predict::NamedRaster;
+use elunar_core::sun::Body;
 use elunar_raster::{Crs, GeoRef, Raster};
 use std::ops::ControlFlow;
 
@@ -12,7 +13,7 @@ const SUN: (f64, f64) = (290.0, 40.0);
 
 fn raster(rows: usize, cols: usize, origin: (f64, f64), pixel_m: f64, value: impl Fn(f64, f64) -> f64) -> Raster {
     let transform = [origin.0, pixel_m, 0.0, origin.1, 0.0, -pixel_m];
-    let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+    let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
     let sample = |i: usize| {
         let (x, y) = georef.centre((i / cols) as f64, (i % cols) as f64);
         value(x, y) as f32

@@ -3,6 +3,7 @@
 use super::{EQUIRECTANGULAR, POLAR, attached, opened, refused, shared, sldem_label};
 use crate::source::{open, open_with, read_all};
 use crate::{Crs, Projection, heights};
+use elunar_core::sun::Body;
 use elunar_core::tile::Window;
 
 const I16: &str = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 16 CORE_NULL = -32768";
@@ -32,7 +33,7 @@ fn sldem_heights_are_metres_above_the_sphere() {
     assert_eq!(source.info().unit.as_deref(), Some("m"));
     assert_eq!(source.info().format, "PDS3, f32 little-endian, detached label");
     let georef = raster.georef.unwrap();
-    assert!(georef.crs.same_as(&Crs::moon_equirectangular(0.0, 180.0)));
+    assert!(georef.crs.same_as(&Crs::equirectangular(Body::Moon.radius_m(), 0.0, 180.0)));
     // The upper left corner is 30 degrees north at longitude 0.
     let (lon_deg, lat_deg) = Projection::of(&georef.crs).unwrap().inverse(georef.transform[0], georef.transform[3]);
     assert!((lat_deg - 30.0).abs() < 1e-6 && lon_deg.abs() < 1e-6, "{lon_deg} {lat_deg}");
@@ -180,7 +181,7 @@ fn projections_become_places() {
         opened(folder.path(), &[("a.img", &file)]).unwrap().info().georef.clone().unwrap()
     };
     let georef = place(EQUIRECTANGULAR);
-    assert!(georef.crs.same_as(&Crs::moon_equirectangular(20.0, 180.0)));
+    assert!(georef.crs.same_as(&Crs::equirectangular(Body::Moon.radius_m(), 20.0, 180.0)));
     let expected = [-4_276_880.0, 5.0, 0.0, 645_990.0, 0.0, -5.0];
     assert!(georef.transform.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{georef:?}");
     let georef = place(POLAR);

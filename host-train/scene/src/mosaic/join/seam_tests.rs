@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::mosaic::GridOptions;
+use elunar_core::sun::Body;
 use elunar_raster::source::InMemory;
 use elunar_raster::{Crs, GeoRef, Projection, Raster, source};
 
@@ -106,7 +107,7 @@ fn tiles_on_both_sides_of_180_degrees_are_one_mosaic() {
 /// In metres a turn is no whole number of pixels, so that one of the tiles is interpolated.
 #[test]
 fn equirectangular_tiles_join_across_180_degrees() {
-    let crs = Crs::moon_equirectangular(0.0, 0.0);
+    let crs = Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0);
     let (half, step) = (Projection::of(&crs).unwrap().period().unwrap() / 2.0, 10.0);
     for apart in [0.0, 3.3] {
         let west = tile(&crs, (40, 50), step, (half - 500.0, 200.0), (half - 500.0, 200.0));

@@ -2,13 +2,14 @@
 
 use super::*;
 use crate::mosaic::GridOptions;
+use elunar_core::sun::Body;
 use elunar_raster::source::InMemory;
 use elunar_raster::{Crs, GeoRef, Raster};
 use elunar_testing::oracle::rasterio_with;
 
 fn raster(rows: usize, cols: usize, corner: (f64, f64), height: impl Fn(usize, usize) -> f32) -> Raster {
     let transform = [corner.0, 2.0, 0.0, corner.1, 0.0, -2.0];
-    let georef = GeoRef { transform, crs: Crs::moon_equirectangular(0.0, 0.0) };
+    let georef = GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 0.0) };
     let samples = (0..rows * cols).map(|i| height(i / cols, i % cols)).collect();
     Raster { rows, cols, samples, georef: Some(georef) }
 }
@@ -211,7 +212,7 @@ fn misfits_are_named() {
     let refused = |other: &Raster, options| {
         Grid::around(&inputs(&[good.clone(), other.clone()]), options).unwrap_err().to_string()
     };
-    other.georef.as_mut().unwrap().crs = Crs::moon_polar(true);
+    other.georef.as_mut().unwrap().crs = Crs::polar(Body::Moon.radius_m(), true);
     assert!(refused(&other, GridOptions::default()).contains("1.tif: the reference system of 0.tif"));
     other.georef = good.georef.clone();
     other.georef.as_mut().unwrap().crs.doubles[..2].fill(3_396_190.0);

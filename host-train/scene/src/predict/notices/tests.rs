@@ -6,9 +6,10 @@ use super::super::{NamedRaster, Scene, Survey};
 use super::light::share_of_relief;
 use super::{check_exchange, notice_of_heights, notices};
 use elunar_core::nn::Illumination;
+use elunar_core::sun::Body;
 use elunar_net::illumination::KnownSun;
+use elunar_raster::Raster;
 use elunar_raster::source::InMemory;
-use elunar_raster::{MOON_RADIUS_M, Raster};
 use elunar_synth::{Moon, SynthOptions, SynthScene};
 use std::sync::Arc;
 
@@ -197,7 +198,7 @@ fn plateaus_of_a_void_value_are_told_and_level_ground_is_not() {
 
 #[test]
 fn heights_that_the_moon_does_not_have_are_told() {
-    let radius_m = MOON_RADIUS_M as f32;
+    let radius_m = Body::Moon.radius_m() as f32;
     let found = changed(&|_, _, z| z + radius_m);
     assert!(found.len() == 1 && found[0].contains("the Moon's are between -9,200 and 10,800 m"), "{found:?}");
     assert_eq!(changed(&|_, _, z| z + 9_000.0), [""; 0]);
