@@ -65,6 +65,26 @@ pub(crate) fn put<T>(all: &mut [T], index: usize, value: T) {
     }
 }
 
+/// Returns `N` items from `at` on, or defaults unless all of them exist. A constant number needs no call to copy.
+#[inline(always)]
+#[cfg_attr(test, track_caller)]
+pub(crate) fn few<T: Copy + Default, const N: usize>(all: &[T], at: usize) -> [T; N] {
+    match all.get(at..).and_then(|rest| rest.first_chunk()) {
+        Some(few) => *few,
+        None => absent([T::default(); N]),
+    }
+}
+
+/// Writes items from `at` on, if all of them exist.
+#[inline(always)]
+#[cfg_attr(test, track_caller)]
+pub(crate) fn put_few<T, const N: usize>(all: &mut [T], at: usize, values: [T; N]) {
+    match all.get_mut(at..).and_then(|rest| rest.first_chunk_mut()) {
+        Some(few) => *few = values,
+        None => absent(()),
+    }
+}
+
 /// Copies as many items as both slices have: all of `to`, unless memory has changed.
 #[inline(always)]
 #[cfg_attr(test, track_caller)]
@@ -138,7 +158,7 @@ mod tests {
     use super::*;
 
     /// Every function on three items; with `more` of 1 each asks for one missing item.
-    const USES: [fn(usize); 7] = [
+    const USES: [fn(usize); 9] = [
         |more| assert_eq!(part(&[1, 2, 3], 1, 2 + more).len(), 2 - 2 * more),
         |more| assert_eq!(part_mut(&mut [1, 2, 3], 1 + more, 2).len(), 2 - 2 * more),
         |more| assert_eq!(head(&[1, 2, 3], 3 + more).len(), 3 - 3 * more),
@@ -146,6 +166,8 @@ mod tests {
         |more| assert_eq!(item(&[1, 2, 3], 2 + more), 3 - 3 * more),
         |more| put(&mut [1, 2, 3], 2 + more, 7),
         |more| copy(&mut [1, 2, 3], head(&[4, 5, 6], 3 - more)),
+        |more| assert_eq!(few(&[1, 2, 3], 1 + more), [2 - 2 * more, 3 - 3 * more]),
+        |more| put_few(&mut [1, 2, 3], 1 + more, [7, 8]),
     ];
 
     #[test]

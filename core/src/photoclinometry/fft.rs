@@ -4,7 +4,7 @@
 //! Lengths are products of 2, 3, 4 and 5. No crate without heap and std supports such lengths (powers of two would make a tile's field half
 //! as large again).
 
-use crate::part::{copy, head, item, part, part_mut};
+use crate::part::{few, head, item, put_few};
 use core::f64::consts::TAU;
 
 /// Largest number of factors of a length.
@@ -49,10 +49,15 @@ impl Order {
     pub(super) fn place(&self, k: usize) -> usize {
         let (mut rest, mut span, mut place) = (k, self.len, 0);
         for &factor in head(&self.factors, self.count) {
-            let factor = (factor as usize).max(1);
-            span /= factor;
-            place += rest % factor * span;
-            rest /= factor;
+            // By constants, because processors divide slowly by other numbers.
+            let digit;
+            (rest, digit, span) = match factor {
+                2 => (rest / 2, rest % 2, span / 2),
+                3 => (rest / 3, rest % 3, span / 3),
+                4 => (rest / 4, rest % 4, span / 4),
+                _ => (rest / 5, rest % 5, span / 5),
+            };
+            place += digit * span;
         }
         place
     }
@@ -160,8 +165,7 @@ fn butterfly<const F: usize, const G: usize>(
 ) {
     let mut z = [([0.0f32; G], [0.0f32; G]); F];
     for p in 0..F {
-        copy(&mut z[p].0, part(field, lanes.re + at[p], G));
-        copy(&mut z[p].1, part(field, lanes.im + at[p], G));
+        z[p] = (few(field, lanes.re + at[p]), few(field, lanes.im + at[p]));
         if way == Way::Backward && p > 0 {
             z[p] = turned(z[p], twiddles[p]);
         }
@@ -171,8 +175,8 @@ fn butterfly<const F: usize, const G: usize>(
         if way == Way::Forward && p > 0 {
             z[p] = turned(z[p], twiddles[p]);
         }
-        copy(part_mut(field, lanes.re + at[p], G), &z[p].0);
-        copy(part_mut(field, lanes.im + at[p], G), &z[p].1);
+        put_few(field, lanes.re + at[p], z[p].0);
+        put_few(field, lanes.im + at[p], z[p].1);
     }
 }
 

@@ -5,7 +5,7 @@ use crate::mask;
 use crate::norm::NormError;
 use crate::norm::shading::SLOPE_UNIT;
 use crate::norm::{ElevationScale, Light, Mirror, Shading};
-use crate::part::{head_mut, item};
+use crate::part::{head_mut, item, part};
 use crate::samples::{Samples, read_mirrored};
 use crate::tile::Shape;
 use crate::words::Words;
@@ -241,16 +241,15 @@ impl<'t, 's, S: Samples> Guide<'t, 's, S> {
     /// Writes the coarse DTM plus the relief at pixels of one row of the mirrored tile, from the row-major index `first` on, in pixels
     /// about its mean.
     pub fn coarse(&self, first: usize, out: &mut [f32]) {
-        let pixels = self.tile.mirror.sources(first, self.shape()).zip(self.relief.part(first, out.len()));
-        for (z, (pixel, relief)) in out.iter_mut().zip(pixels) {
-            *z = self.form.scale.normalised(item(self.tile.coarse_m, pixel)) + relief;
-        }
+        let cols = self.shape().cols.max(1);
+        self.heights(first / cols, first % cols, out);
     }
 
     /// Writes the maps of [`Self::image`], then the slopes east and south of coarse DTM plus relief, in 0.1 of slope, and the direction of
     /// the light: a vector of length one. Ground that rises along it is bright.
     pub fn sloped_image(&self, first: usize, out: &mut [[f32; SLOPED_MAPS]]) {
-        const TOGETHER: usize = 8;
+        const TOGETHER: usize = 16;
+        const WITH_SIDES: usize = TOGETHER + 2;
         let Shape { rows, cols } = self.shape();
         let (row, left) = (first / cols.max(1), first % cols.max(1));
         let last = |n: usize| n.saturating_sub(1);
@@ -260,24 +259,40 @@ impl<'t, 's, S: Samples> Guide<'t, 's, S> {
         let down = unit(above, below);
         let [x, y] = Photoclinometry::direction(self.form.light);
         for (block, out) in out.chunks_mut(TOGETHER).enumerate() {
-            let (mut maps, at) = ([[0.0; MAPS]; TOGETHER], left + block * TOGETHER);
-            let maps = head_mut(&mut maps, out.len());
+            let (mut maps, at, count) = ([[0.0; MAPS]; TOGETHER], left + block * TOGETHER, out.len());
+            let maps = head_mut(&mut maps, count);
             self.image(row * cols + at, maps);
+            let (mut higher, mut lower, mut beside) = ([0.0; TOGETHER], [0.0; TOGETHER], [0.0; WITH_SIDES]);
+            self.heights(above, at, head_mut(&mut higher, count));
+            self.heights(below, at, head_mut(&mut lower, count));
+            // From the pixel before the first to that behind the last, within the row.
+            let (from, to) = (last(at), (at + count + 1).min(cols));
+            self.heights(row, from, head_mut(&mut beside, to.saturating_sub(from)));
             for (i, (out, &[a, b, c, d])) in out.iter_mut().zip(&*maps).enumerate() {
                 let col = at + i;
                 let (before, after) = (last(col), (col + 1).min(last(cols)));
-                let east = (self.height(row, after) - self.height(row, before)) * unit(before, after);
-                let south = (self.height(below, col) - self.height(above, col)) * down;
+                let east = (item(&beside, after - from) - item(&beside, before - from)) * unit(before, after);
+                let south = (item(&lower, i) - item(&higher, i)) * down;
                 *out = [a, b, c, d, east.clamp(-LIMIT, LIMIT), south.clamp(-LIMIT, LIMIT), x, y];
             }
         }
     }
 
-    /// Returns coarse DTM plus relief at a pixel of the mirrored tile, in pixels about its mean.
-    fn height(&self, row: usize, col: usize) -> f32 {
-        let index = row * self.shape().cols + col;
-        let relief = self.relief.part(index, 1).first().copied().unwrap_or(0.0);
-        self.form.scale.normalised(item(self.tile.coarse_m, self.tile.mirror.source(index, self.shape()))) + relief
+    /// Writes coarse DTM plus relief at pixels of a row of the mirrored tile, in pixels about its mean.
+    fn heights(&self, row: usize, col: usize, out: &mut [f32]) {
+        let (shape, mirror, scale) = (self.shape(), self.tile.mirror, &self.form.scale);
+        let (index, len) = (row * shape.cols + col, out.len());
+        let (source, relief) = (mirror.source(index, shape), self.relief.part(index, len));
+        if mirror.cols {
+            let coarse_m = part(self.tile.coarse_m, source.saturating_sub(len.saturating_sub(1)), len);
+            for ((out, z), relief) in out.iter_mut().zip(coarse_m.iter().rev()).zip(relief) {
+                *out = scale.normalised(*z) + relief;
+            }
+        } else {
+            for ((out, z), relief) in out.iter_mut().zip(part(self.tile.coarse_m, source, len)).zip(relief) {
+                *out = scale.normalised(*z) + relief;
+            }
+        }
     }
 
     /// Writes all maps of [`Self::image`], side by side in every pixel, and the coarse DTM plus the relief.

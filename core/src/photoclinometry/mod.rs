@@ -470,6 +470,10 @@ struct Field<'s> {
 
 /// Sets the slopes of a row to NaN where `hidden_px` or more pixels side by side are dark.
 fn hide(slopes: &mut [f32], brightness: &[f32], dark_below: f32, hidden_px: usize) {
+    // Most rows have no dark pixel, which a processor with vectors sees at once.
+    if !brightness.iter().fold(false, |any, v| any | (*v < dark_below)) {
+        return;
+    }
     let mut dark = 0;
     for end in 0..=brightness.len() {
         if brightness.get(end).is_some_and(|v| *v < dark_below) {

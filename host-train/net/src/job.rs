@@ -20,7 +20,8 @@ impl JobMemory {
         self.coarse_m.resize(tile.pixels(), 0.0);
         self.valid.resize(TileMemory::valid_len(tile), 0);
         self.scratch.resize(TileMemory::scratch_len(rules, tile), 0.0);
-        self.lines.resize(TileMemory::lines_len(tile), 0.0);
+        // Room for eight lines side by side, which is faster.
+        self.lines.resize(8 * TileMemory::lines_len(tile), 0.0);
         let Self { coarse_m, valid, scratch, lines } = self;
         TileMemory { coarse_m, valid, scratch, lines }
     }

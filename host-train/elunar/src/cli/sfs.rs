@@ -10,7 +10,7 @@ use elunar_net::sun::check_sun;
 use elunar_raster::stated::Statements;
 use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::identity::{self, Identity};
-use elunar_scene::predict::job::{Files, fill, finish, summary, survey, tiles};
+use elunar_scene::predict::job::{Files, Outputs, fill_files, summary, survey, tiles};
 use elunar_scene::predict::notices::{notice_of_heights, notices};
 use elunar_scene::predict::{NamedRaster, PartFile, Scene, part_path};
 use elunar_scene::sfs::{SfsJournal, SfsSettings, TileLog, curve, json, seconds_per_tile, solve_rows, write_curve};
@@ -142,12 +142,12 @@ pub fn write(args: &Args) -> Result<(String, String)> {
     let Solving { scene, settings, journal, light } = &solving;
     let identity = args.identity(settings)?;
     let part = PartFile::open_at(part_path(&args.output, None)?, &identity.job, scene.cols, owner.is_successor())?;
-    let (mut part, tally) = fill(part, scene.rows, &owner, |from, keep, progress| {
+    let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors: None };
+    let mut files = Outputs::create(scene, (&settings.description(), light, &identity), files)?;
+    let (part, tally) = fill_files(part, scene.rows, (&mut files, &owner), |from, keep, progress| {
         solve_rows(scene, settings, journal, from, keep, progress)
     })?;
-    let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors: None };
-    let from = (&*settings.description(), &**light, &identity);
-    let finished = finish(&mut |take| part.read(take), scene, from, files, &owner)?;
+    let finished = files.finish(&owner)?;
     part.remove()?;
     warn(&notice_of_heights(&args.output.display().to_string(), scene, &finished));
     let tiles = journal.tiles();

@@ -71,7 +71,7 @@ pub fn predict(
         Ok(())
     };
     let span = Span { rows: 0..shape.0, from: 0 };
-    let tally = tiles(|progress| work.predict(&survey, &span, &mut keep, progress))?;
+    let tally = tiles(|progress| work.predict(work.light(&survey), &span, &mut keep, progress))?;
     let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
     let (mut found, finished) = (Found { survey, warnings, start, phases }, maps.finished());
     found.warn_of_heights(args, &work, &finished);

@@ -19,7 +19,7 @@ use elunar_base::output::Owner;
 use elunar_base::{Error, HAS_THREADS, Result, caller, interrupt, say};
 use elunar_net::shipped;
 use elunar_net::sun::check_sun;
-use elunar_scene::predict::job::{fill, survey};
+use elunar_scene::predict::job::{fill, fill_files, survey};
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::record::Phases;
 use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
@@ -32,7 +32,7 @@ pub(crate) use request::hashes;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 use task::Task;
-use write::{Found, write};
+use write::Found;
 
 /// What a job has made.
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -129,13 +129,14 @@ fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileMod
     let warnings = task.work.warn(args, &survey, &lighting)?;
     let survey_s = watch.lap_s();
     let part = PartFile::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
-    let rows = task.work.scene.rows;
-    let (mut part, tally) = fill(part, rows, &owner, |from, keep, progress| {
-        task.work.predict(&survey, &Span { rows: 0..rows, from }, keep, progress)
+    let (rows, light) = (task.work.scene.rows, task.work.light(&survey));
+    let mut files = write::begin(args, &task, &light)?;
+    let (part, tally) = fill_files(part, rows, (&mut files, &owner), |from, keep, progress| {
+        task.work.predict(light, &Span { rows: 0..rows, from }, keep, progress)
     })?;
     let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
     let found = Found { survey, warnings, start, phases };
-    let done = write(args, &task, &mut |take| part.read(take), &tally, found, &owner)?;
+    let done = write::end(args, &task, files, &tally, found, &owner)?;
     part.remove()?;
     Ok(done)
 }
@@ -165,7 +166,7 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
     let part = PartFile::open_at(path, &id, task.width(), owner.is_successor())?;
     let (mut part, tally) = fill(part, rows.len(), &owner, |done, keep, progress| {
         let span = Span { rows: rows.clone(), from: rows.start + done };
-        task.work.predict(&survey, &span, keep, progress)
+        task.work.predict(task.work.light(&survey), &span, keep, progress)
     })?;
     let Tally { tiles_coarse, tiles_empty, tiles, .. } = tally;
     let (first, job, width) = (rows.start, task.identity.job.clone(), task.width());
@@ -215,13 +216,13 @@ pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box
     let mut watch = Watch::new();
     let (survey, lighting) = task.shared_survey(args)?;
     let warnings = task.work.warn(args, &survey, &lighting)?;
-    let phases = Phases { survey_s: watch.lap_s(), ..Phases::default() };
-    let light = survey.light_for(task.work.model.input_rules().illumination, task.work.sun.sun);
+    let mut phases = Phases { survey_s: watch.lap_s(), ..Phases::default() };
+    let light = task.work.light(&survey);
     (tally.light, tally.change) = (light.whole, light.change());
-    let mut read = |take: &mut dyn FnMut(&[f32]) -> Result<()>| {
-        paths.iter().try_for_each(|path| RowsReader::open(path)?.read(take))
-    };
-    let done = write(args, &task, &mut read, &tally, Found { survey, warnings, start, phases }, &owner)?;
+    let mut files = write::begin(args, &task, &light)?;
+    paths.iter().try_for_each(|path| RowsReader::open(path)?.read(&mut |rows| files.add(rows)))?;
+    phases.write_s = watch.lap_s();
+    let done = write::end(args, &task, files, &tally, Found { survey, warnings, start, phases }, &owner)?;
     paths.iter().chain([&survey_at]).try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))?;
     Ok(done)
 }

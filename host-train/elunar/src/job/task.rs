@@ -12,6 +12,7 @@ use elunar_scene::mosaic::BLEND;
 use elunar_scene::predict::errors::assumed_sigma_m;
 use elunar_scene::predict::identity::{self, Identity, content_of_input, job_note};
 use elunar_scene::predict::job::{Keep, survey};
+use elunar_scene::predict::neighbourhoods::SceneLight;
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::notices::notices;
 use elunar_scene::predict::span::Span;
@@ -72,9 +73,13 @@ impl Work {
         Ok(warnings)
     }
 
+    /// Returns the light of the tiles.
+    pub(super) fn light(&self, survey: &Survey) -> SceneLight {
+        survey.light_for(self.model.input_rules().illumination, self.sun.sun)
+    }
+
     /// Makes the tiles of `span`, and passes finished rows to `keep`.
-    pub(super) fn predict(&self, survey: &Survey, span: &Span, keep: Keep, progress: TileProgress) -> Result<Tally> {
-        let light = survey.light_for(self.model.input_rules().illumination, self.sun.sun);
+    pub(super) fn predict(&self, light: SceneLight, span: &Span, keep: Keep, progress: TileProgress) -> Result<Tally> {
         predict_span(&self.scene, self.model.as_ref(), &self.options, light, span, keep, progress)
     }
 

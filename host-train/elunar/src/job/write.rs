@@ -7,8 +7,10 @@ use super::{Done, Watch};
 use super::{pds4, stac};
 use elunar_base::output::Owner;
 use elunar_base::{Result, say};
+use elunar_net::illumination::Lighting;
 use elunar_scene::predict::errors::origins_text;
-use elunar_scene::predict::job::{Files, Finished, ReadRows, finish, light_text, summary};
+use elunar_scene::predict::job::{Files, Finished, Outputs, light_text, summary};
+use elunar_scene::predict::neighbourhoods::{Change, SceneLight};
 use elunar_scene::predict::notices::{notice_of_heights, share_of_relief};
 use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, PredictionRecord};
 use elunar_scene::predict::{Survey, Tally};
@@ -69,29 +71,40 @@ impl Found {
     }
 }
 
-/// Writes the files of finished rows. Returns what they are.
+/// Starts the files of a prediction under a light.
 ///
 /// # Errors
-/// As [`finish`].
-pub(super) fn write(
+/// As [`Outputs::create`].
+pub(super) fn begin(args: &Request, task: &Task, light: &SceneLight) -> Result<Outputs> {
+    let work = &task.work;
+    let stored = light_text(&light.whole) + &of_light(work, &light.whole, light.change());
+    let errors = args.uncertainty.as_deref().map(|path| (path, work.coarse_sigma_m(args)));
+    let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors };
+    Outputs::create(&work.scene, (&work.model.description(), &stored, &task.identity), files)
+}
+
+/// Returns where the light comes from, and how it changes.
+fn of_light(work: &Work, light: &Lighting, change: Option<Change>) -> String {
+    work.sun.origin_of(light) + &change.map_or(String::new(), |change| format!("; {change}"))
+}
+
+/// Completes the files. Returns what they are.
+///
+/// # Errors
+/// As [`Outputs::finish`].
+pub(super) fn end(
     args: &Request,
     task: &Task,
-    read: ReadRows,
+    files: Outputs,
     tally: &Tally,
     mut found: Found,
     owner: &Owner,
 ) -> Result<Done> {
-    let work = &task.work;
-    let Tally { light, change, .. } = *tally;
-    let of_light = work.sun.origin_of(&light) + &change.map_or(String::new(), |change| format!("; {change}"));
-    let stored = light_text(&light) + &of_light;
-    let sigma_m = work.coarse_sigma_m(args);
-    let errors = args.uncertainty.as_deref().map(|path| (path, sigma_m));
-    let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors };
-    let mut watch = Watch::new();
-    let from = (work.model.description(), stored);
-    let finished = finish(read, &work.scene, (&from.0, &from.1, &task.identity), files, owner)?;
-    found.phases.write_s = watch.lap_s();
+    let (work, mut watch) = (&task.work, Watch::new());
+    let of_light = of_light(work, &tally.light, tally.change);
+    let errors = args.uncertainty.as_deref().map(|path| (path, work.coarse_sigma_m(args)));
+    let finished = files.finish(owner)?;
+    found.phases.write_s += watch.lap_s();
     found.warn_of_heights(args, work, &finished);
     let mut text = summary(&args.output, &work.scene, &finished, tally) + &of_light;
     if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {

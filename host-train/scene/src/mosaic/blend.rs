@@ -60,13 +60,14 @@ impl Mosaic {
                 self.band.push_back(Row { weighted_m: vec![0.0; self.cols], weight: vec![0.0; self.cols] });
             }
             let sums = &mut self.band[at];
-            for (i, (&height_m, &weight)) in
-                heights_m.iter().zip(weights).enumerate().take(self.cols.saturating_sub(col))
-            {
-                if weight > 0.0 {
-                    sums.weighted_m[col + i] += weight * f64::from(height_m);
-                    sums.weight[col + i] += weight;
-                }
+            let [weighted_m, weight] =
+                [&mut sums.weighted_m, &mut sums.weight].map(|sums| sums.get_mut(col..).unwrap_or_default());
+            let sums = weighted_m.iter_mut().zip(weight);
+            for ((weighted_m, sum), (&height_m, &weight)) in sums.zip(heights_m.iter().zip(weights)) {
+                // Nothing is added for a weight of 0, whatever its height; sums are never -0.
+                let counts = weight > 0.0;
+                *weighted_m += if counts { weight * f64::from(height_m) } else { 0.0 };
+                *sum += if counts { weight } else { 0.0 };
             }
         }
         Ok(())

@@ -5,10 +5,15 @@ use super::identity::Identity;
 use super::tile::TileResult;
 use super::{DtmWriter, PartFile, Provenance, Scene, Survey, Tally, TileProgress};
 use elunar_base::output::Owner;
-use elunar_base::{Result, interrupt, progress, say};
+use elunar_base::{Error, HAS_THREADS, Result, interrupt, progress, say};
 use elunar_net::illumination::{LightSource, Lighting};
 use std::ops::ControlFlow;
 use std::path::Path;
+use std::sync::mpsc::sync_channel;
+use std::thread::ScopedJoinHandle;
+
+/// Pieces of finished rows that may wait for the files.
+const WAITING: usize = 2;
 
 /// Receives finished rows; see [`super::predict_rows`].
 pub type Keep<'a> = &'a mut dyn FnMut(&[f32]) -> Result<()>;
@@ -50,6 +55,57 @@ pub fn fill(
             Err(error.and(&format!("; what was made is in {kept}, the same command goes on from there")))
         }
     }
+}
+
+/// Makes rows as [`fill`] does, and adds them all to `files`, those of earlier runs first. Files are compressed beside the making of rows. A row is
+/// on disk before the files get it.
+///
+/// # Errors
+/// As [`fill`] and [`Outputs::add`].
+pub fn fill_files(
+    mut part: PartFile,
+    rows: usize,
+    (files, owner): (&mut Outputs, &Owner),
+    make: impl FnOnce(usize, Keep, TileProgress) -> Result<Tally>,
+) -> Result<(PartFile, Tally)> {
+    beside(
+        |rows| files.add(rows),
+        |give| {
+            part.read(give)?;
+            let mut both = |keep: Keep, rows: &[f32]| keep(rows).and_then(|()| give(rows));
+            fill(part, rows, owner, |from, keep, progress| make(from, &mut |rows| both(&mut *keep, rows), progress))
+        },
+    )
+}
+
+/// Runs `make`, and beside it, on a thread of its own, `add` with all rows that `make` gives, in order.
+///
+/// # Errors
+/// As `make`, which gets the errors of `add` as soon as it gives rows again.
+fn beside<T>(mut add: impl FnMut(&[f32]) -> Result<()> + Send, make: impl FnOnce(Keep) -> Result<T>) -> Result<T> {
+    if !HAS_THREADS {
+        return make(&mut add);
+    }
+    std::thread::scope(|scope| {
+        let (send, receive) = sync_channel::<Vec<f32>>(WAITING);
+        let mut adder = Some(scope.spawn(move || receive.into_iter().try_for_each(|rows| add(&rows))));
+        let made = make(&mut |rows| {
+            if send.send(rows.to_vec()).is_ok() {
+                return Ok(());
+            }
+            // The other thread has ended: it failed.
+            adder.take().map_or(Ok(()), end)?;
+            Err(Error::stopped("the files of the finished rows are not written any more"))
+        });
+        drop(send);
+        let added = adder.take().map_or(Ok(()), end);
+        made.and_then(|made| added.map(|()| made))
+    })
+}
+
+/// Waits for a thread, and passes its panic on.
+fn end(thread: ScopedJoinHandle<Result<()>>) -> Result<()> {
+    thread.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
 }
 
 /// Makes the tiles of a scene. A progress bar counts them, and Ctrl-C stops between them.
@@ -104,46 +160,61 @@ impl Finished {
     }
 }
 
-/// Reads all rows of a job, in order, in blocks.
-pub type ReadRows<'a> = &'a mut dyn FnMut(&mut dyn FnMut(&[f32]) -> Result<()>) -> Result<()>;
+/// The files of a job while its rows come: the DTM and its hillshade, and the expected errors if wanted. Until [`Self::finish`] none exists.
+pub struct Outputs {
+    writer: DtmWriter,
+    errors: Option<ErrorsWriter>,
+    finished: Finished,
+    cols: usize,
+}
 
-/// Writes finished rows as the DTM and its hillshade, and the expected errors if wanted. `model` says how the heights were made, and `light`
-/// under which light ([`light_text`]). The caller removes the rows. `owner` owns the DTM.
-///
-/// # Errors
-/// If a file cannot be read or written, or `owner` has lost the output. Then no DTM exists.
-pub fn finish(
-    read: ReadRows,
-    scene: &Scene,
-    (model, light, identity): (&str, &str, &Identity),
-    files: Files<'_>,
-    owner: &Owner,
-) -> Result<Finished> {
-    let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    let (image, coarse) = (file(files.image), file(files.coarse));
-    let from = Provenance { model, light, image: &image, coarse: &coarse, identity: Some(identity) };
-    let mut writer = DtmWriter::create(files.output, scene.rows, scene.cols, &scene.georef, &from)?;
-    let errors = |(path, sigma_m)| ErrorsWriter::create(path, (scene.rows, scene.cols), &scene.georef, &from, sigma_m);
-    let mut errors = files.errors.map(errors).transpose()?;
-    let mut finished = Finished::default();
-    read(&mut |rows| {
-        let Some(errors) = &mut errors else {
+impl Outputs {
+    /// Starts the files. `model` says how the heights are made, and `light` under which light ([`light_text`]).
+    ///
+    /// # Errors
+    /// If a file cannot be created.
+    pub fn create(scene: &Scene, (model, light, identity): (&str, &str, &Identity), files: Files<'_>) -> Result<Self> {
+        let file = |path: &Path| path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+        let (image, coarse) = (file(files.image), file(files.coarse));
+        let from = Provenance { model, light, image: &image, coarse: &coarse, identity: Some(identity) };
+        let (rows, cols) = (scene.rows, scene.cols);
+        let writer = DtmWriter::create(files.output, rows, cols, &scene.georef, &from)?;
+        let errors = |(path, sigma_m)| ErrorsWriter::create(path, (rows, cols), &scene.georef, &from, sigma_m);
+        let errors = files.errors.map(errors).transpose()?;
+        Ok(Self { writer, errors, finished: Finished::default(), cols })
+    }
+
+    /// Adds finished rows, in order.
+    ///
+    /// # Errors
+    /// If they cannot be written.
+    pub fn add(&mut self, rows: &[f32]) -> Result<()> {
+        let Self { writer, errors, finished, cols } = self;
+        let Some(errors) = errors else {
             finished.see(rows);
             return writer.add(rows);
         };
-        for row in rows.chunks_exact(TileResult::LAYERS * scene.cols) {
-            let (heights_m, parts) = layers(row, scene.cols);
+        for row in rows.chunks_exact(TileResult::LAYERS * *cols) {
+            let (heights_m, parts) = layers(row, *cols);
             finished.see(heights_m);
             writer.add(heights_m)?;
             errors.add(parts)?;
         }
         Ok(())
-    })?;
-    // The DTM comes last, so that a DTM on disk has its errors beside it.
-    owner.check()?;
-    finished.origins = errors.map(ErrorsWriter::finish).transpose()?;
-    writer.finish(&|| owner.check())?;
-    Ok(finished)
+    }
+
+    /// Completes the files. The caller then removes the rows. `owner` owns the DTM.
+    ///
+    /// # Errors
+    /// If rows are missing, a file cannot be written, or `owner` has lost the output. Then no DTM exists.
+    pub fn finish(self, owner: &Owner) -> Result<Finished> {
+        let Self { writer, errors, mut finished, .. } = self;
+        // The DTM comes last, so that a DTM on disk has its errors beside it.
+        owner.check()?;
+        finished.origins = errors.map(ErrorsWriter::finish).transpose()?;
+        writer.finish(&|| owner.check())?;
+        Ok(finished)
+    }
 }
 
 /// Returns the heights of a row, and its maps of expected errors.
@@ -214,4 +285,32 @@ pub fn light_text(lighting: &Lighting) -> String {
         _ => String::new(),
     };
     format!("{azimuth}, {strength}, as of a Sun {elevation:.0} deg high; trust {trust:.2}; {related}{origin}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn all_rows_are_added_in_order_and_a_failure_ends_the_making() {
+        let mut added = vec![];
+        let give = |give: Keep, rows: usize| (0..rows).try_for_each(|row| give(&[row as f32]));
+        let keep = |rows: &[f32]| {
+            added.extend_from_slice(rows);
+            Ok(())
+        };
+        beside(keep, |keep| give(keep, 100)).unwrap();
+        assert!(added.iter().copied().eq((0..100).map(|row| row as f32)), "{added:?}");
+        let full = |rows: &[f32]| if rows[0] < 3.0 { Ok(()) } else { Err(Error::usage("the disk is full")) };
+        let (mut given, mut ended) = (0, Ok(()));
+        let made = beside(full, |keep| {
+            let count = |rows: &[f32]| keep(rows).inspect(|()| given += 1);
+            ended = give(&mut { count }, 100);
+            ended.as_ref().map_err(|error| Error::usage(error.to_string())).copied()
+        });
+        assert!(made.unwrap_err().to_string().contains("the disk is full"));
+        assert!(ended.is_err() && given <= 4 + WAITING, "{given} rows were given after the failure");
+        // One that comes with the last rows is not lost.
+        assert!(beside(full, |keep| give(keep, 4)).unwrap_err().to_string().contains("the disk is full"));
+    }
 }

@@ -57,9 +57,9 @@ pub struct PredictionRecord {
 pub struct Phases {
     /// Survey of the scene and warnings.
     pub survey_s: f64,
-    /// Tiles, and their finished rows on disk; 0 for `join`.
+    /// Tiles, and their finished rows on disk and compressed; 0 for `join`.
     pub tiles_s: f64,
-    /// The DTM is compressed, written and hashed, its hillshade, too.
+    /// The DTM is put together and hashed, its hillshade made; `join` also compresses.
     pub write_s: f64,
 }
 

@@ -326,8 +326,9 @@ impl Samples for BandTile<'_> {
     fn read(&self, first: usize, out: &mut [f32]) {
         let row = (self.first + first / self.window.cols).min(self.rows - 1);
         let line = &self.map[row * self.cols..][..self.cols];
-        for (value, col) in out.iter_mut().zip(self.window.col + first % self.window.cols..) {
-            *value = line[col.min(self.cols - 1)];
-        }
+        let col = (self.window.col + first % self.window.cols).min(self.cols);
+        let (inside, beyond) = out.split_at_mut(out.len().min(self.cols - col));
+        inside.copy_from_slice(&line[col..][..inside.len()]);
+        beyond.fill(line[self.cols - 1]);
     }
 }

@@ -123,8 +123,12 @@ impl<'a> TileWorker<'a> {
             heights_m.into()
         };
         let valid = job.valid(&memory);
-        let weight = |(i, &weight): (usize, &f64)| if is_set(valid, i) { weight } else { 0.0 };
-        let weights = self.weights.of(window).iter().enumerate().map(weight).collect();
+        let mut weights = self.weights.of(window).to_vec();
+        // Eight pixels have a byte; few tiles have voids.
+        for (byte, weights) in valid.iter().zip(weights.chunks_mut(8)).filter(|(byte, _)| **byte != u8::MAX) {
+            let of_byte = std::slice::from_ref(byte);
+            weights.iter_mut().enumerate().filter(|(i, _)| !is_set(of_byte, *i)).for_each(|(_, weight)| *weight = 0.0);
+        }
         Ok(match job.made() {
             Some(Made::Coarse) => TileOutcome::Coarse { maps, weights },
             _ => TileOutcome::Predicted { maps, weights },
