@@ -45,7 +45,7 @@ const MOST: usize = super::ACCUMULATORS / 8;
 fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
     // Gathers of words need addresses that are multiples of four.
     if !weights.as_ptr().cast::<u32>().is_aligned() {
-        return Scalar::gemm(acc, pixels, patch, weights, width);
+        return Scalar.gemm(acc, pixels, patch, weights, width);
     }
     if !patch.fits(pixels, weights, width) || patch.groups == 0 || pixels == 0 {
         return;
