@@ -1,7 +1,7 @@
 //! Effects of precision, and a model's bytes and time, measured on the narrow network of the golden case.
 
 use elunar::picture::{arena, costs};
-use elunar_core::nn::{Kernel, Model, required};
+use elunar_core::nn::{Model, required};
 use elunar_net::config::{NetConfig, config_of};
 use elunar_net::export::calibrate::{Range, TileTruth, calibrate};
 use elunar_net::export::choose::{ExportJob, choose};

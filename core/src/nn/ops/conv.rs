@@ -22,7 +22,7 @@ use super::{Constants, Prepared};
 use crate::nn::arena::{Arena, zero_code};
 use crate::nn::file::{Conv, MAX_KERNEL, PHASE_TAPS, PHASES, Phase};
 use crate::nn::kernels::requantise::{Requantise, Target};
-use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Product, pixels_at_once};
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch, Product, pixels_at_once};
 use crate::nn::panels::{PANEL, groups, panel};
 use crate::nn::tensor::{Dtype, Tensor};
 use crate::part::{head, head_mut, item, part, part_mut};
@@ -103,18 +103,13 @@ pub(crate) fn run<I: Isa>(
     let filter = job.filter(0, 0, 0);
     let (phases, every) = if conv.fold { (4, 2) } else { (1, 1) };
     let (mut cut, mut sums) = (0, [[0; ACCUMULATORS]; 2]);
-    let mut numbers: Option<([Option<usize>; 2], Requantise<'_>)> = None;
     let mut lists = [List { products: [Product::NOTHING; MOST_TOGETHER], len: 0 }; 2];
     // All rows with the same filter before the next filter, so that its weights stay in the cache.
     for phase in 0..phases {
         for row in rows.clone().skip(phase / 2).step_by(every) {
             let stretch = if conv.fold { job.folded(row, phase % 2) } else { job.plain(row, filter) };
-            let variants = stretch.variants();
-            let numbers = match &mut numbers {
-                Some((of, numbers)) if *of == variants => &*numbers,
-                other => &other.insert((variants, job.numbers(variants))).1,
-            };
-            cut += job.run(isa, arena, &mut sums, &stretch, numbers, I::TOGETHER.then_some(&mut lists))?;
+            let numbers = job.numbers(stretch.variants());
+            cut += job.run(isa, arena, &mut sums, &stretch, &numbers, I::TOGETHER.then_some(&mut lists))?;
         }
     }
     if first + width >= out.channels && out.margin > 0 {
@@ -338,18 +333,17 @@ impl<'m> Job<'_, 'm> {
         mut lists: Option<&mut [List<'m>; 2]>,
     ) -> Sums {
         let (mut begun, mut high) = (false, [0; PANEL]);
-        for plane in [1, 0] {
-            if plane == 1 && !self.wide {
-                continue;
-            }
+        if self.wide {
             match &mut lists {
-                Some(lists) => lists[plane].next(isa, arena, acc, patches.count, self.width, &mut begun),
-                None => self.plane(isa, arena, acc, patches, plane, &mut begun),
+                Some(lists) => lists[1].next(isa, arena, acc, patches.count, self.width, &mut begun),
+                None => self.plane(isa, arena, acc, patches, 1, &mut begun),
             }
-            if plane == 1 {
-                high = panel_sums(acc, patches.count, self.width);
-                head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
-            }
+            high = panel_sums(acc, patches.count, self.width);
+            head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
+        }
+        match lists {
+            Some(lists) => lists[0].next(isa, arena, acc, patches.count, self.width, &mut begun),
+            None => self.plane(isa, arena, acc, patches, 0, &mut begun),
         }
         high
     }
@@ -382,8 +376,12 @@ impl<'m> Job<'_, 'm> {
                     };
                 }
                 let weights = item(&filter.weights, source);
-                let product = Product { starts, rows: filter.rows, stride, groups, weights };
-                isa.products(acc, count, arena.bytes, &[product], self.width, !*begun);
+                let patch = Patch { bytes: arena.bytes, starts: head(&starts, filter.rows), stride, groups };
+                if *begun {
+                    isa.gemm(acc, count, &patch, weights, self.width);
+                } else {
+                    isa.gemm_from_zero(acc, count, &patch, weights, self.width);
+                }
                 *begun = true;
             }
         }
