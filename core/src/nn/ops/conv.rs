@@ -103,7 +103,7 @@ pub(crate) fn run<I: Isa>(
     let filter = job.filter(0, 0, 0);
     let (phases, every) = if conv.fold { (4, 2) } else { (1, 1) };
     let (mut cut, mut sums) = (0, [[0; ACCUMULATORS]; 2]);
-    let mut lists = [List { products: [Product::NOTHING; MOST_TOGETHER], len: 0 }; 2];
+    let mut lists: Lists<'_> = [List { products: [Product::NOTHING; MOST_TOGETHER], len: 0 }; PLANES];
     // All rows with the same filter before the next filter, so that its weights stay in the cache.
     for phase in 0..phases {
         for row in rows.clone().skip(phase / 2).step_by(every) {
@@ -200,7 +200,7 @@ impl<'m> Job<'_, 'm> {
         sums: &mut [Accumulators; 2],
         stretch: &Stretch<'m>,
         numbers: &Requantise<'_>,
-        lists: Option<&mut [List<'m>; 2]>,
+        lists: Option<&mut Lists<'m>>,
     ) -> Option<u64> {
         let checked = self.prepared.checked
             && stretch.count >= LEAST_PIXELS
@@ -330,19 +330,19 @@ impl<'m> Job<'_, 'm> {
         arena: &mut Arena<'_>,
         acc: &mut Accumulators,
         patches: &Patches<'_, 'm>,
-        mut lists: Option<&mut [List<'m>; 2]>,
+        mut lists: Option<&mut Lists<'m>>,
     ) -> Sums {
         let (mut begun, mut high) = (false, [0; PANEL]);
         if self.wide {
-            match &mut lists {
-                Some(lists) => lists[1].next(isa, arena, acc, patches.count, self.width, &mut begun),
+            match lists.as_deref_mut().and_then(|lists| lists.get_mut(1)) {
+                Some(list) => list.next(isa, arena, acc, patches.count, self.width, &mut begun),
                 None => self.plane(isa, arena, acc, patches, 1, &mut begun),
             }
             high = panel_sums(acc, patches.count, self.width);
             head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
         }
-        match lists {
-            Some(lists) => lists[0].next(isa, arena, acc, patches.count, self.width, &mut begun),
+        match lists.and_then(|lists| lists.first_mut()) {
+            Some(list) => list.next(isa, arena, acc, patches.count, self.width, &mut begun),
             None => self.plane(isa, arena, acc, patches, 0, &mut begun),
         }
         high
@@ -389,7 +389,7 @@ impl<'m> Job<'_, 'm> {
 
     /// Lists the products of a stretch, low planes first; returns false if a row is outside the map.
     #[inline(always)]
-    fn list(&self, stretch: &Stretch<'m>, lists: &mut [List<'m>; 2]) -> bool {
+    fn list(&self, stretch: &Stretch<'m>, lists: &mut Lists<'m>) -> bool {
         lists.iter_mut().for_each(|list| list.len = 0);
         for filter in stretch.filters.iter().flatten() {
             for (source, t) in self.sources.iter().enumerate() {
@@ -416,6 +416,12 @@ impl<'m> Job<'_, 'm> {
 
 /// Two sources, each with two sets of filters.
 const MOST_TOGETHER: usize = 4;
+
+/// The planes of a stretch whose products are listed: none, and so no memory, where no kernel computes them together.
+const PLANES: usize = if cfg!(target_arch = "x86_64") { 2 } else { 0 };
+
+/// The products of a stretch, low planes first.
+type Lists<'m> = [List<'m>; PLANES];
 
 /// The products of one plane of a stretch, which are computed together.
 #[derive(Clone, Copy)]
