@@ -1,7 +1,7 @@
 //! The network as data. [`config`] is its configuration and [`weights`] are its weights; [`published`] reads those of other projects.
 //! [`illumination`] is the light for which it is trained, and [`sun`] checks the Sun's angles. [`export`] compiles configuration and weights into the
-//! model file of the int8 runner, [`inspect`] reads that file, and [`shipped`] has two of them. [`job`] has the memory for a tile, [`kernels`] those of
-//! this machine.
+//! model file of the int8 runner, [`inspect`] reads that file, and [`shipped`] has two of them. [`job`] has the memory for a tile, and
+//! [`kernels`] lists what this machine runs.
 //!
 //! The arithmetic is in `elunar-learn` on floats, in `elunar-core` on integers.
 

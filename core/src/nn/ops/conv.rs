@@ -214,7 +214,7 @@ impl<'m> Job<'_, 'm> {
         let mut done = 0;
         while done < stretch.count {
             let left = stretch.count - done;
-            // Sums of a larger block would not stay within 32 bits.
+            // The checksum of a larger block would not stay within 32 bits.
             let now = I::block(left, self.width).min(if checked { pixels_at_once(self.width) } else { left });
             let (filters, input_step) = (&stretch.filters, stretch.input_step);
             let patches = Patches { filters, skip: done * input_step, count: now, input_step };

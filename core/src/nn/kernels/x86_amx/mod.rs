@@ -163,8 +163,12 @@ impl Amx {
                 self.configured = Some(shapes);
             }
             let rows = shapes.rows(&mut self.rows, bytes, now, pixels);
-            // SAFETY: as above; `fits` bounds every address, and `acc` has room for all pixels.
-            unsafe { tiles::compute(acc.as_mut_ptr(), &shapes, pixels, rows, from_zero) };
+            if !rows.is_empty() {
+                // SAFETY: as above; `fits` bounds every address, and `acc` has room for all pixels.
+                unsafe { tiles::compute(acc.as_mut_ptr(), &shapes, pixels, rows, from_zero) };
+            } else if from_zero {
+                head_mut(acc, pixels * width).fill(0);
+            }
             (rest, from_zero) = (later, false);
         }
     }
