@@ -34,12 +34,34 @@ pub fn continued(edge: f32, inner: f32, k: usize) -> f32 {
 /// ```
 #[must_use]
 pub fn bicubic(around: &[[f32; 4]; 4], down: f32, across: f32) -> f32 {
-    let (rows, cols) = (catmull_rom(down), catmull_rom(across));
+    bicubic_at(around, Fraction::new(down), Fraction::new(across))
+}
+
+/// A fraction of the distance between two samples, with its weights: all pixels of a row or column share them.
+#[derive(Debug, Clone, Copy, PartialEq)]
+pub struct Fraction {
+    fraction: f32,
+    weights: [f32; 4],
+}
+
+impl Fraction {
+    /// Finds the weights of a fraction, 0 to 1.
+    #[must_use]
+    pub fn new(fraction: f32) -> Self {
+        Self { fraction, weights: catmull_rom(fraction) }
+    }
+}
+
+/// As [`bicubic`], with weights that were found before.
+#[must_use]
+#[inline]
+pub fn bicubic_at(around: &[[f32; 4]; 4], down: Fraction, across: Fraction) -> f32 {
+    let (rows, cols) = (down.weights, across.weights);
     let mut sum = 0.0;
     for (weight, line) in rows.iter().zip(around) {
         sum += weight * (cols[0] * line[0] + cols[1] * line[1] + cols[2] * line[2] + cols[3] * line[3]);
     }
-    if sum.is_finite() { sum } else { bilinear(around, down, across) }
+    if sum.is_finite() { sum } else { bilinear(around, down.fraction, across.fraction) }
 }
 
 fn bilinear(around: &[[f32; 4]; 4], down: f32, across: f32) -> f32 {

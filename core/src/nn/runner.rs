@@ -11,9 +11,17 @@ use super::scrub::Scrub;
 use super::self_test;
 use super::tensor::Tensor;
 use crate::part::{copy, head, head_mut, part, part_mut};
-use crate::quant::params::quantise;
+use crate::quant::params::{Codes, TOGETHER};
 use crate::tile::Shape;
 use core::hint::black_box;
+
+/// Returns the first sample that is not finite.
+fn not_finite(samples: &[f32]) -> Option<usize> {
+    // All of a piece are looked at together, which is faster than one after the other.
+    let is_bad = |piece: &&[f32]| piece.iter().fold(0, |bad, v| bad | !v.is_finite() as u32) != 0;
+    let first = samples.chunks(TOGETHER).position(|piece| is_bad(&piece))? * TOGETHER;
+    samples.iter().skip(first).position(|v| !v.is_finite()).map(|at| first + at)
+}
 
 /// Number of bytes of arena that [`Runner::new`] needs for `model`: exact, and known before any run.
 pub fn required(model: &Model<'_>) -> usize {
@@ -156,7 +164,7 @@ impl<'a, 'm> Runner<'a, 'm> {
             if input.len() != expected {
                 return Err(RunError::TileSize { expected, found: input.len() });
             }
-            if let Some(index) = input.iter().position(|v| !v.is_finite()) {
+            if let Some(index) = not_finite(input) {
                 return Err(RunError::NotFinite { index });
             }
         }
@@ -245,20 +253,15 @@ impl<'a, 'm> Runner<'a, 'm> {
             return Ok(());
         }
         let tensor = self.model.sealed_tensor(number).ok_or(RunError::ProgramChanged { entry: 0 })?;
-        let inverse = 1.0 / tensor.scale;
+        let Tensor { zero, lo, hi, .. } = tensor;
+        let numbers = Codes { inverse_scale: 1.0 / tensor.scale, zero, lo, hi };
         let to = Row::of(&tensor, row);
         let (line, mut at) = (tensor.cols * tensor.channels, 0);
         while at < line {
-            // Samples first, because the compiler vectorises a loop with constant bounds and without checks.
-            const TOGETHER: usize = 64;
-            let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
+            let (mut values, mut codes) = ([0f32; TOGETHER], [0; TOGETHER]);
             let count = TOGETHER.min(line - at);
             samples(row * line + at, head_mut(&mut values, count));
-            for i in 0..TOGETHER {
-                let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
-                (codes[i], clamps[i]) = (kept, clamped as u32);
-            }
-            self.telemetry.inputs_clamped += clamps.iter().take(count).sum::<u32>() as u64;
+            self.telemetry.inputs_clamped += (self.kernel.quantise)(&numbers, &values, &mut codes, count) as u64;
             to.store(self.arena.bytes, at, head(&codes, count));
             at += count;
         }

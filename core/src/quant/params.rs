@@ -26,6 +26,7 @@ pub fn multiplier(ratio: f64, shift: u32) -> i32 {
 
 /// Returns the code of a real value: `value/scale` rounded to nearest (halves up), plus `zero`, saturated to `lo..=hi`. The flag says
 /// whether the code was saturated. NaN becomes `zero`.
+#[inline]
 pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
     // Below 2^24 every step is exact except the product, whose rounding IEEE 754 defines: every machine gets the same code. The floor is a
     // comparison, because processors without a floor instruction would call a function.
@@ -34,6 +35,33 @@ pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> 
     let code = whole.saturating_sub((whole as f32 > moved) as i32).saturating_add(zero);
     let kept = code.max(lo).min(hi);
     (kept, kept != code)
+}
+
+/// Number of values that are quantised together.
+pub(crate) const TOGETHER: usize = 64;
+
+/// How values become codes: the numbers of [`quantise`].
+#[derive(Debug, Clone, Copy)]
+pub(crate) struct Codes {
+    pub(crate) inverse_scale: f32,
+    pub(crate) zero: i32,
+    pub(crate) lo: i32,
+    pub(crate) hi: i32,
+}
+
+impl Codes {
+    /// Quantises values. Returns how many of the first `count` codes were saturated.
+    #[inline(always)]
+    pub(crate) fn of(&self, values: &[f32; TOGETHER], codes: &mut [i32; TOGETHER], count: usize) -> u32 {
+        let Self { inverse_scale, zero, lo, hi } = *self;
+        let mut clamps = [0u32; TOGETHER];
+        // The compiler vectorises a loop with constant bounds and without checks.
+        for i in 0..TOGETHER {
+            let (kept, clamped) = quantise(values[i], inverse_scale, zero, lo, hi);
+            (codes[i], clamps[i]) = (kept, clamped as u32);
+        }
+        clamps.iter().take(count).sum()
+    }
 }
 
 #[cfg(test)]

@@ -5,7 +5,7 @@
 //! coarse DTM changes only its neighbourhood.
 
 use super::GeoTransform;
-use elunar_core::resample::{EDGE_PX, bicubic, continued};
+use elunar_core::resample::{EDGE_PX, Fraction, bicubic_at, continued};
 use rayon::prelude::*;
 
 /// Map from the centre of output pixel (row, col) to the source grid, in source pixels. (0, 0) is the *centre* of the first source pixel:
@@ -126,22 +126,51 @@ impl Padded {
 
     /// Returns the value at source position (`r`, `c`); NaN outside the outer pixel edges.
     pub(super) fn sample(&self, r: f64, c: f64) -> f32 {
-        if !(r >= -EDGE_PX
-            && c >= -EDGE_PX
-            && r <= self.rows as f64 - 1.0 + EDGE_PX
-            && c <= self.cols as f64 - 1.0 + EDGE_PX)
-        {
-            return f32::NAN;
-        }
-        let (row, col) = (r.floor(), c.floor());
-        // The first of the 4 x 4 samples is one before the floor. With the tolerance the floor may be -1, but not less.
-        let first =
-            (row as isize - 1 + RING as isize) as usize * self.stride + (col as isize - 1 + RING as isize) as usize;
+        let (row, col) = (Between::new(r, self.rows), Between::new(c, self.cols));
+        row.zip(col).map_or(f32::NAN, |(row, col)| self.at(row, col))
+    }
+
+    /// Samples where each of `rows` crosses each of `cols`, as [`Self::sample`] does; `out` has a line for each row.
+    pub(super) fn lattice(&self, rows: &[f64], cols: &[f64], out: &mut [f32]) {
+        let cols: Vec<Option<Between>> = cols.iter().map(|&c| Between::new(c, self.cols)).collect();
+        out.par_chunks_mut(cols.len().max(1)).zip(rows).for_each(|(line, &r)| {
+            let row = Between::new(r, self.rows);
+            for (value, &col) in line.iter_mut().zip(&cols) {
+                *value = row.zip(col).map_or(f32::NAN, |(row, col)| self.at(row, col));
+            }
+        });
+    }
+
+    #[inline]
+    fn at(&self, row: Between, col: Between) -> f32 {
+        let first = row.first * self.stride + col.first;
         let around = std::array::from_fn(|k| {
             let line = &self.samples[first + k * self.stride..][..4];
             [line[0], line[1], line[2], line[3]]
         });
-        bicubic(&around, (r - row) as f32, (c - col) as f32)
+        bicubic_at(&around, row.fraction, col.fraction)
+    }
+}
+
+/// A place between the samples of a row or a column.
+#[derive(Clone, Copy)]
+struct Between {
+    /// The first of four samples, in the padded grid.
+    first: usize,
+    /// How far the place lies after the second.
+    fraction: Fraction,
+}
+
+impl Between {
+    /// Finds the place of a position; `None` beyond the outer edges of `count` samples.
+    fn new(position: f64, count: usize) -> Option<Self> {
+        let is_on = (-EDGE_PX..=count as f64 - 1.0 + EDGE_PX).contains(&position);
+        let floor = position.floor();
+        // The first sample is one before the floor. With the tolerance the floor may be -1, but not less.
+        is_on.then(|| Self {
+            first: (floor as isize - 1 + RING as isize) as usize,
+            fraction: Fraction::new((position - floor) as f32),
+        })
     }
 }
 

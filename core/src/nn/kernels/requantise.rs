@@ -112,11 +112,25 @@ impl Requantise<'_> {
 
     #[inline(always)]
     fn block(&self, bytes: &mut [u8], acc: &[i32; BLOCK], target: &Target) -> u64 {
-        match self.width {
-            32 => self.codes::<32>(bytes, acc, target),
-            16 => self.codes::<16>(bytes, acc, target),
-            _ => self.codes::<8>(bytes, acc, target),
+        // [pixel][channel of the panel].
+        let mut codes = [0i32; BLOCK];
+        let cut = match self.width {
+            32 => self.codes::<32>(bytes, acc, &mut codes, target),
+            16 => self.codes::<16>(bytes, acc, &mut codes, target),
+            _ => self.codes::<8>(bytes, acc, &mut codes, target),
+        };
+        let table: Option<&[u8; CODE_TABLE_LEN]> = self.table.and_then(|table| table.first_chunk());
+        if let Some(table) = table {
+            for code in head_mut(&mut codes, target.pixels * self.width) {
+                *code = table[*code as usize & 255] as i32;
+            }
         }
+        match self.width {
+            32 => self.store::<32>(bytes, &codes, target),
+            16 => self.store::<16>(bytes, &codes, target),
+            _ => self.store::<8>(bytes, &codes, target),
+        }
+        cut
     }
 
     /// As [`Self::portable`], for processors without vectors: channel by channel, whose constants stay in registers, with stores directly
@@ -181,31 +195,23 @@ impl Requantise<'_> {
         cut as u64
     }
 
-    /// `W` is the panel's width, a constant for the compiler.
+    /// Finds codes before the table of codes, and counts those that were cut. `W` is the panel's width, a constant for the compiler.
     #[inline(always)]
-    fn codes<const W: usize>(&self, bytes: &mut [u8], acc: &[i32; BLOCK], target: &Target) -> u64 {
-        // All arrays are [pixel][channel of the panel].
-        let mut codes = [0i32; BLOCK];
-        let cut = match &self.add {
-            Some(add) => {
-                let mut added = [0i32; BLOCK];
-                let row = Row::of(add, target.row);
-                for (p, added) in added.as_chunks_mut::<W>().0.iter_mut().take(target.pixels).enumerate() {
-                    let index = (target.col + p * target.col_step) * self.out.channels + self.first;
-                    row.values(bytes, index, head_mut(added, self.channels));
-                }
-                self.round::<W, true>(acc, &added, &mut codes, target.pixels)
-            }
-            None => self.round::<W, false>(acc, acc, &mut codes, target.pixels),
-        };
-        let table: Option<&[u8; CODE_TABLE_LEN]> = self.table.and_then(|table| table.first_chunk());
-        if let Some(table) = table {
-            for code in head_mut(&mut codes, target.pixels * W) {
-                *code = table[*code as usize & 255] as i32;
-            }
+    fn codes<const W: usize>(
+        &self,
+        bytes: &[u8],
+        acc: &[i32; BLOCK],
+        codes: &mut [i32; BLOCK],
+        target: &Target,
+    ) -> u64 {
+        let Some(add) = &self.add else { return self.round::<W, false>(acc, acc, codes, target.pixels) };
+        let mut added = [0i32; BLOCK];
+        let row = Row::of(add, target.row);
+        for (p, added) in added.as_chunks_mut::<W>().0.iter_mut().take(target.pixels).enumerate() {
+            let index = (target.col + p * target.col_step) * self.out.channels + self.first;
+            row.values(bytes, index, head_mut(added, self.channels));
         }
-        self.store::<W>(bytes, &codes, target);
-        cut
+        self.round::<W, true>(acc, &added, codes, target.pixels)
     }
 
     #[inline(always)]

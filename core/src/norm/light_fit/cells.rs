@@ -1,7 +1,8 @@
 //! Means over the cells of a rectangle: squares with the side of a coarse pixel, of which one begins at every half cell.
 //!
-//! Cells overlap, so each row of the maps is read for several of them. Four columns of cells are read from top to bottom, and keep
-//! the sums over the last four half cells of rows: no more is needed for the tents of its cells.
+//! The maps are read in squares of half a cell. Each gives its sums, and their moments about its corner; from those of 4 x 4 follow the mean
+//! under a cell's tent and the cell's slopes. Some columns of cells are read together from top to bottom, with the sums over the last four rows
+//! of squares: few where memory is small, many where reading each pixel once is worth more.
 
 use crate::mask::is_real;
 use crate::part::{copy, head_mut, item, part};
@@ -11,10 +12,10 @@ use crate::terrain::PixelSize;
 /// Means over a cell: brightness, slope east, slope south.
 pub(super) type Cell = [f64; 3];
 
-/// Columns of cells that are read together: as wide as the widest square.
-pub(super) const COLUMNS: usize = 4;
 /// Cells that begin along a cell's side: one at every half cell.
-const PHASES: usize = 2;
+pub(super) const PHASES: usize = 2;
+/// Squares of half a cell along the side of a cell's tent.
+const TENT: usize = 4;
 /// Greatest share of a cell's pixels of the image that may be invalid, as one over this number: scattered dead or saturated pixels, or the edge of
 /// a void (our choice).
 const INVALID_SHARE: u32 = 8;
@@ -76,6 +77,37 @@ pub(super) struct Rectangle<'a, S> {
     pub(super) dark_below: f32,
 }
 
+/// A sum over a square; the same weighted by the distance from its left side, from its top, and by both.
+type Moments = [f64; 4];
+
+/// Sums over a square of half a cell's side.
+#[derive(Debug, Clone, Copy, Default)]
+struct Square {
+    /// Of the valid pixels' brightness, and of ones.
+    bright: Moments,
+    weight: Moments,
+    /// Of the differences to either side, east and south.
+    rise: [f64; 2],
+    /// Whether all heights of these differences are valid.
+    real: bool,
+    /// Number of invalid pixels of the image.
+    invalid: u32,
+    /// Whether a pixel is lit, and whether one is dark.
+    lit: bool,
+    dark: bool,
+}
+
+/// What a row of a square shows of the image.
+#[derive(Debug, Clone, Copy, Default)]
+struct Row {
+    /// Sums over valid pixels, plain and weighted by the distance from the left.
+    bright: [f32; 2],
+    weight: [f32; 2],
+    invalid: u32,
+    lit: bool,
+    dark: bool,
+}
+
 /// Sums for one column of cells, over as many rows as half a cell has.
 #[derive(Debug, Clone, Copy, Default)]
 struct HalfCell {
@@ -89,47 +121,60 @@ struct HalfCell {
     real: bool,
     /// Number of invalid pixels of the image in the cell's columns.
     invalid: u32,
-    /// Whether a pixel is lit, and whether one is dark, in each quarter of the tent's width: half a cell.
-    lit: [bool; 4],
-    dark: [bool; 4],
+    /// Whether one of the four squares lies in shadow: it has dark pixels and none that is lit.
+    shadow: bool,
+}
+
+impl HalfCell {
+    /// Joins the squares of a row that a cell's tent covers. The cell has the two in the middle.
+    fn of(squares: &[Square; TENT], half: f64) -> Self {
+        let [_, b, c, _] = squares;
+        // A tent rises by 1 per column up to its middle, and then falls.
+        let tents = [(0.0, 1.0), (half, 1.0), (2.0 * half, -1.0), (half, -1.0)];
+        let across = |of: fn(&Square) -> Moments| {
+            let mut sums = [0.0; 2];
+            for (square, (start, rise)) in squares.iter().zip(tents) {
+                let [sum, by_col, by_row, by_both] = of(square);
+                sums = [sums[0] + (start * sum + rise * by_col), sums[1] + (start * by_row + rise * by_both)];
+            }
+            sums
+        };
+        Self {
+            bright: across(|square| square.bright),
+            weight: across(|square| square.weight),
+            rise: [b.rise[0] + c.rise[0], b.rise[1] + c.rise[1]],
+            real: b.real && c.real,
+            invalid: b.invalid + c.invalid,
+            shadow: squares.iter().any(|square| square.dark && !square.lit),
+        }
+    }
 }
 
 impl<S: Samples> Rectangle<'_, S> {
-    /// Returns the sums over half a cell of rows, for a column of cells whose first pixel is `left`. Above and below the cells only
-    /// brightness counts.
-    fn half(&self, top: usize, left: usize, has_slopes: bool) -> HalfCell {
-        let mut half = HalfCell { real: true, ..HalfCell::default() };
+    /// Returns the sums over a square. Outside the cells only brightness counts.
+    fn square(&self, top: usize, left: usize, has_slopes: bool) -> Square {
+        let mut square = Square { real: true, ..Square::default() };
         for row in 0..self.half {
             let first = (top + row) * self.cols + left;
-            let (width, from) = (4 * self.half, first - self.half);
+            let found = self.row(first);
             let from_top = row as f64 + 0.5;
-            let [bright, weight] = self.tent(from, width).map(f64::from);
-            for ([sum, moment], of_row) in [(&mut half.bright, bright), (&mut half.weight, weight)] {
-                *sum += of_row;
-                *moment += from_top * of_row;
+            for (sums, of_row) in [(&mut square.bright, found.bright), (&mut square.weight, found.weight)] {
+                let [plain, by_col] = of_row.map(f64::from);
+                let of_row = [plain, by_col, from_top * plain, from_top * by_col];
+                sums.iter_mut().zip(of_row).for_each(|(sum, v)| *sum += v);
             }
-            for (quarter, (lit, dark)) in half.lit.iter_mut().zip(&mut half.dark).enumerate() {
-                let from = from + quarter * self.half;
-                let mut pixels = (from..from + self.half).map(|i| self.image.at(i)).filter(|v| is_real(*v));
-                // Most squares show at once that they are lit.
-                *lit = *lit
-                    || pixels.any(|v| {
-                        let is_dark = v < self.dark_below;
-                        *dark |= is_dark;
-                        !is_dark
-                    });
-            }
+            square.invalid += found.invalid;
+            (square.lit, square.dark) = (square.lit | found.lit, square.dark | found.dark);
             if has_slopes {
-                self.slopes(first, &mut half);
+                self.slopes(first, &mut square);
             }
         }
-        half
+        square
     }
 
-    /// Adds the differences of heights along a row of a cell's columns, and counts the image's invalid pixels.
-    fn slopes(&self, first: usize, half: &mut HalfCell) {
-        let side = 2 * self.half;
-        let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, side));
+    /// Adds the differences of heights along a row of a square.
+    fn slopes(&self, first: usize, square: &mut Square) {
+        let [above, below] = [first - self.cols, first + self.cols].map(|from| part(self.coarse_m, from, self.half));
         let (mut down, mut real) = ([0.0f32; LANES], true);
         for (a, b) in above.chunks(LANES).zip(below.chunks(LANES)) {
             for ((sum, a), b) in down.iter_mut().zip(a).zip(b) {
@@ -137,45 +182,55 @@ impl<S: Samples> Rectangle<'_, S> {
                 real &= is_real(*a) & is_real(*b);
             }
         }
-        let mut room = [0.0; TOGETHER];
-        for from in (0..side).step_by(TOGETHER) {
-            let room = head_mut(&mut room, TOGETHER.min(side - from));
-            half.invalid += self.image.line(first + from, room).iter().map(|v| u32::from(!is_real(*v))).sum::<u32>();
-        }
         // The sum of all differences along a row is that of its ends.
-        let ends = [first + side, first + side - 1, first, first - 1].map(|i| item(self.coarse_m, i));
+        let ends = [first + self.half, first + self.half - 1, first, first - 1].map(|i| item(self.coarse_m, i));
         let [last, before_last, second, before] = ends;
-        half.real &= real && ends.into_iter().all(is_real);
-        let [east, south] = &mut half.rise;
+        square.real &= real && ends.into_iter().all(is_real);
+        let [east, south] = &mut square.rise;
         *east += f64::from((last - second) + (before_last - before));
         *south += f64::from(total(down));
     }
 
-    /// Returns the sum of a row's valid pixels under a tent over all of them, and the sum of their weights.
-    fn tent(&self, from: usize, width: usize) -> [f32; 2] {
-        let (mut sums, mut weights, last) = ([0.0f32; LANES], [0.0f32; LANES], width as f32);
+    /// Returns what a square's row shows of the image.
+    fn row(&self, from: usize) -> Row {
+        let (mut sums, mut by_col) = ([0.0f32; LANES], [0.0f32; LANES]);
+        let (mut invalid, mut lit, mut dark) = ([0u32; LANES], [false; LANES], [false; LANES]);
         let mut add = |first: usize, values: &[f32; LANES]| {
             for lane in 0..LANES {
-                // All these numbers are exact.
-                let from_left = first as f32 + (lane as f32 + 0.5);
-                let (v, is_real) = (values[lane], is_real(values[lane]));
-                let weight = if is_real { from_left.min(last - from_left) } else { 0.0 };
-                sums[lane] += weight * if is_real { v } else { 0.0 };
-                weights[lane] += weight;
+                let (v, from_left) = (values[lane], first as f32 + (lane as f32 + 0.5));
+                let (is_real, is_dark) = (is_real(v), v < self.dark_below);
+                let value = if is_real { v } else { 0.0 };
+                sums[lane] += value;
+                by_col[lane] += from_left * value;
+                invalid[lane] += u32::from(!is_real);
+                lit[lane] |= is_real & !is_dark;
+                dark[lane] |= is_real & is_dark;
             }
         };
-        let mut room = [0.0; TOGETHER];
-        for first in (0..width).step_by(TOGETHER) {
-            let room = head_mut(&mut room, TOGETHER.min(width - first));
+        let (mut room, mut beyond) = ([0.0; TOGETHER], 0);
+        for first in (0..self.half).step_by(TOGETHER) {
+            let room = head_mut(&mut room, TOGETHER.min(self.half - first));
             let (whole, rest) = self.image.line(from + first, room).as_chunks::<LANES>();
             whole.iter().zip((first..).step_by(LANES)).for_each(|(values, first)| add(first, values));
             if !rest.is_empty() {
                 let mut values = [f32::NAN; LANES];
                 copy(head_mut(&mut values, rest.len()), rest);
                 add(first + whole.len() * LANES, &values);
+                beyond += (LANES - rest.len()) as u32;
             }
         }
-        [total(sums), total(weights)]
+        let invalid = invalid.into_iter().sum::<u32>() - beyond;
+        // All weights are exact.
+        let width = self.half as f32;
+        let weight = if invalid == 0 { [width, 0.5 * width * width] } else { self.weights(from) };
+        let any = |of_lanes: [bool; LANES]| of_lanes.into_iter().any(|v| v);
+        Row { bright: [total(sums), total(by_col)], weight, invalid, lit: any(lit), dark: any(dark) }
+    }
+
+    /// Returns the number of a row's valid pixels, and the sum of their distances from the left.
+    fn weights(&self, from: usize) -> [f32; 2] {
+        let valid = (0..self.half).filter(|i| is_real(self.image.at(from + i)));
+        valid.fold([0.0; 2], |[count, by_col], i| [count + 1.0, by_col + (i as f32 + 0.5)])
     }
 
     /// Returns the cell that two half cells of rows contain, with those above and below for its tent. `None` if a height is invalid, too many
@@ -188,8 +243,7 @@ impl<S: Samples> Rectangle<'_, S> {
             a + (half * b + of_b) + (2.0 * half * c - of_c) + (half * d - of_d)
         };
         let (bright, weight) = (tent(|half| half.bright), tent(|half| half.weight));
-        let is_shadow = |half: &HalfCell| half.lit.iter().zip(half.dark).any(|(lit, dark)| dark && !lit);
-        let shadow = [a, b, c, d].into_iter().any(is_shadow);
+        let shadow = [a, b, c, d].into_iter().any(|half| half.shadow);
         let side = 2 * self.half as u32;
         let seen = INVALID_SHARE * (b.invalid + c.invalid) <= side * side;
         let count = 8.0 * half * half;
@@ -205,8 +259,9 @@ fn total(lanes: [f32; LANES]) -> f32 {
     lanes.into_iter().sum()
 }
 
-/// Four columns of cells, side by side, or fewer; gives row after row, each half a cell below the one before.
-pub(super) struct CellColumns<'a, S> {
+/// Up to `COLUMNS` columns of cells, of which each begins `2 / APART` half cells after the one before; gives row after row, each half a cell below the
+/// one before. `APART` columns further is the cell that begins where one ends.
+pub(super) struct CellColumns<'a, S, const COLUMNS: usize, const APART: usize> {
     maps: &'a Rectangle<'a, S>,
     /// First pixel of the first cell.
     left: usize,
@@ -215,30 +270,40 @@ pub(super) struct CellColumns<'a, S> {
     top: usize,
     /// Rows of cells that are left.
     rows: usize,
-    halves: [[HalfCell; 4]; COLUMNS],
+    halves: [[HalfCell; TENT]; COLUMNS],
 }
 
-impl<'a, S: Samples> CellColumns<'a, S> {
+impl<'a, S: Samples, const COLUMNS: usize, const APART: usize> CellColumns<'a, S, COLUMNS, APART> {
     pub(super) fn new(maps: &'a Rectangle<'a, S>, down: &Places, left: usize, columns: usize) -> Self {
         let top = down.first - maps.half;
-        let mut new = Self { maps, left, columns, top, rows: down.count, halves: Default::default() };
-        (0..3).for_each(|i| new.read(i > 0));
+        let mut new = Self { maps, left, columns, top, rows: down.count, halves: [Default::default(); COLUMNS] };
+        (0..TENT - 1).for_each(|i| new.read(i > 0));
         new
     }
 
     /// Reads half a cell of rows.
     fn read(&mut self, has_slopes: bool) {
-        let side = 2 * self.maps.half;
-        for (column, halves) in self.halves.iter_mut().enumerate().take(self.columns) {
-            halves.rotate_left(1);
-            let [.., newest] = halves;
-            *newest = self.maps.half(self.top, self.left + side * column, has_slopes);
+        let (maps, step) = (self.maps, PHASES / APART);
+        let mut squares = [Square::default(); TENT];
+        // The first of a cell's tent lies before it, the last behind it.
+        let last = step * (self.columns - 1) + TENT - 1;
+        for i in 0..=last {
+            squares.rotate_left(1);
+            let [.., newest] = &mut squares;
+            let is_inside = 0 < i && i < last;
+            *newest = maps.square(self.top, self.left - maps.half + i * maps.half, has_slopes && is_inside);
+            let column = i.checked_sub(TENT - 1).filter(|i| i % step == 0).map(|i| i / step);
+            if let Some(halves) = column.and_then(|column| self.halves.get_mut(column)) {
+                halves.rotate_left(1);
+                let [.., newest] = halves;
+                *newest = HalfCell::of(&squares, maps.half as f64);
+            }
         }
-        self.top += self.maps.half;
+        self.top += maps.half;
     }
 }
 
-impl<S: Samples> Iterator for CellColumns<'_, S> {
+impl<S: Samples, const COLUMNS: usize, const APART: usize> Iterator for CellColumns<'_, S, COLUMNS, APART> {
     type Item = [Option<Cell>; COLUMNS];
 
     fn next(&mut self) -> Option<Self::Item> {

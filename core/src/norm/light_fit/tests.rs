@@ -398,24 +398,55 @@ fn cells_are_means_under_a_box_and_a_tent() {
         dark_below: 5.0,
     };
     let (down, across) = (Places::of(ROWS, SIDE).unwrap(), Places::of(COLS, SIDE).unwrap());
-    let (mut count, mut left_out) = (0, 0);
-    for left in 0..across.count(COLUMNS) {
-        let columns = CellColumns::new(&maps, &down, across.at(left), COLUMNS);
-        for (top, row) in columns.enumerate() {
-            for (column, cell) in row.into_iter().enumerate() {
-                let expected = plain(&maps, down.at(top), across.at(left + 2 * column));
-                assert_eq!(cell.is_some(), expected.is_some(), "{top} {left} {column}");
-                let (Some(cell), Some(expected)) = (cell, expected) else {
-                    left_out += 1;
-                    continue;
-                };
-                cell.iter().zip(expected).for_each(|(a, b)| assert!((a - b).abs() < 1e-5 * (1.0 + b.abs()), "{a} {b}"));
-                count += 1;
-            }
-        }
-    }
     // The numbers of places along both sides. Cells about the void, the infinite height, the masked pixels and in the dark are left out.
     assert_eq!((down.count(1), across.count(1)), (18, 22));
-    assert_eq!(count + left_out, 18 * 16 * COLUMNS);
-    assert!((60..200).contains(&left_out), "{left_out}");
+    let few: Vec<_> = (0..16).map(|left| compared::<COLUMNS, 1>(&maps, &down, &across, left, COLUMNS)).collect();
+    let many = [compared::<16, 2>(&maps, &down, &across, 0, 16), compared::<16, 2>(&maps, &down, &across, 16, 6)];
+    for (found, columns, expected) in [(&few[..], 16 * COLUMNS, 60..200), (&many, 22, 40..100)] {
+        let (count, left_out) = found.iter().fold((0, 0), |(a, b), (c, d)| (a + c, b + d));
+        assert_eq!(count + left_out, 18 * columns);
+        assert!(expected.contains(&left_out), "{left_out}");
+    }
+}
+
+/// Compares columns of cells with [`plain`]; returns how many there are, and how many are left out.
+fn compared<const WIDE: usize, const APART: usize>(
+    maps: &Rectangle<'_, impl Samples>,
+    down: &Places,
+    across: &Places,
+    first: usize,
+    columns: usize,
+) -> (usize, usize) {
+    let (mut count, mut left_out) = (0, 0);
+    let cells = CellColumns::<_, WIDE, APART>::new(maps, down, across.at(first), columns);
+    for (top, row) in cells.enumerate() {
+        assert!(row[columns..].iter().all(Option::is_none));
+        for (column, cell) in row.into_iter().enumerate().take(columns) {
+            let expected = plain(maps, down.at(top), across.at(first + PHASES / APART * column));
+            assert_eq!(cell.is_some(), expected.is_some(), "{top} {first} {column}");
+            let (Some(cell), Some(expected)) = (cell, expected) else {
+                left_out += 1;
+                continue;
+            };
+            cell.iter().zip(expected).for_each(|(a, b)| assert!((a - b).abs() < 1e-5 * (1.0 + b.abs()), "{a} {b}"));
+            count += 1;
+        }
+    }
+    (count, left_out)
+}
+
+/// Flight software adds one column of squares at a time, the ground many: the sums are the same bits, at every width and every edge.
+#[test]
+fn the_sums_of_many_columns_are_those_of_one_after_the_other() {
+    let (mut image, heights) = scene(Light::of(300.0, 1.0).unwrap(), 7.0);
+    image.iter_mut().step_by(97).for_each(|v| *v = f32::NAN);
+    for (cell_px, cols) in [(4, COLS), (4, 100), (8, COLS), (12, COLS), (12, 36), (16, 50)] {
+        let (image, heights) = (&image[..ROWS * cols], &heights[..ROWS * cols]);
+        let part = FitPart { image, coarse_m: heights, cols, pixel: PixelSize::square(2.0), cell_px };
+        let (brightness, mut single, mut all) = (Brightness::of(image), LightFit::default(), LightFit::default());
+        (0..part.columns()).for_each(|column| part.add_to(&mut single, &brightness, column));
+        part.add_all(&mut all, &brightness);
+        assert_eq!(single, all, "{cell_px} {cols}");
+        assert!(all.cells > 0.0);
+    }
 }

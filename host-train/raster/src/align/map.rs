@@ -2,6 +2,7 @@
 
 use crate::resample::PixelMap;
 use crate::{GeoRef, GeoTransform, Projection};
+use elunar_core::tile::Window;
 
 /// Map from pixel centres of a target grid to positions on a source grid, in source pixels. (0, 0) is the centre of the first pixel.
 #[derive(Debug, Clone)]
@@ -50,6 +51,14 @@ impl Map {
             Self::Affine(map) => map.apply(row, col),
             Self::Through(through) => through.apply(row, col),
         }
+    }
+
+    /// Returns the rows and columns on the source grid of a window's rows and columns, if each has only one there.
+    pub(super) fn straight(&self, window: Window) -> Option<(Vec<f64>, Vec<f64>)> {
+        let Self::Affine(map) = self else { return None };
+        let rows = (window.row..window.row + window.rows).map(|row| map.apply(row as f64, 0.0).0).collect();
+        let cols = (window.col..window.col + window.cols).map(|col| map.apply(0.0, col as f64).1).collect();
+        (map.row_per_col == 0.0 && map.col_per_row == 0.0).then_some((rows, cols))
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::Interpolation;
 use crate::resample::Padded;
+use rayon::prelude::*;
 
 /// A piece of a grid, ready for interpolation. Positions are relative to the piece: (0, 0) is the centre of its first sample.
 pub(super) enum Sampler {
@@ -36,6 +37,16 @@ impl Sampler {
             Self::Bilinear(piece) => piece.bilinear(r, c),
             Self::CubicSpline(piece) => piece.cubic_spline(r, c),
         }
+    }
+
+    /// Interpolates where each of `rows` crosses each of `cols`; `out` has a line for each row.
+    pub(super) fn lattice(&self, rows: &[f64], cols: &[f64], out: &mut [f32]) {
+        if let Self::Bicubic(padded) = self {
+            return padded.lattice(rows, cols, out);
+        }
+        out.par_chunks_mut(cols.len().max(1)).zip(rows).for_each(|(line, &r)| {
+            line.iter_mut().zip(cols).for_each(|(value, &c)| *value = self.at(r, c));
+        });
     }
 }
 

@@ -128,6 +128,10 @@ impl AlignPlan {
 
     /// Fills some rows of the window, from `first_row` of the target on.
     fn fill(&self, source: &dyn Source, first_row: usize, window: Window, lines: &mut [f32]) -> Result<()> {
+        let rows = lines.len() / window.cols;
+        if let Some((rows, cols)) = self.map.straight(Window { row: first_row, rows, ..window }) {
+            return self.fill_straight(source, &rows, &cols, lines);
+        }
         let mut positions = vec![(f64::NAN, f64::NAN); lines.len()];
         positions.par_chunks_mut(window.cols).enumerate().for_each(|(row, line)| {
             for (col, position) in line.iter_mut().enumerate() {
@@ -147,6 +151,24 @@ impl AlignPlan {
         Ok(())
     }
 
+    /// Fills lines whose pixels lie where each of `rows` crosses each of `cols` on the source's grid.
+    fn fill_straight(&self, source: &dyn Source, rows: &[f64], cols: &[f64], lines: &mut [f32]) -> Result<()> {
+        let mut first: Vec<(f64, f64)> = cols.iter().map(|&c| (rows[0], c)).collect();
+        self.unwind(&mut first);
+        // The extent of a lattice is that of a row and a column that lie on the grid.
+        let inside = |at: &(f64, f64)| self.inside(*at);
+        let row = rows.iter().find_map(|&r| first.iter().map(|&(_, c)| (r, c)).find(inside));
+        let Some((r, c)) = row else { return Ok(()) };
+        let cross = first.iter().map(|&(_, c)| (r, c)).chain(rows.iter().map(|&r| (r, c)));
+        let Some(piece) = self.under(&cross.collect::<Vec<_>>()) else { return Ok(()) };
+        let (row0, col0) = (piece.row as f64, piece.col as f64);
+        let sampler = Sampler::new(self.cut(source, piece)?, self.interpolation);
+        let rows: Vec<f64> = rows.iter().map(|r| r - row0).collect();
+        let cols: Vec<f64> = first.iter().map(|(_, c)| c - col0).collect();
+        sampler.lattice(&rows, &cols, lines);
+        Ok(())
+    }
+
     /// Brings columns on a grid around the sphere near to each other. There a column has several numbers, and the number nearest to the
     /// first position's is taken, so that a piece across the seam is contiguous.
     fn unwind(&self, positions: &mut [(f64, f64)]) {
@@ -160,16 +182,19 @@ impl AlignPlan {
         }
     }
 
+    /// Returns whether a position lies on the source.
+    fn inside(&self, (r, c): (f64, f64)) -> bool {
+        let within = |v: f64, count: usize| (-0.6..=count as f64 - 0.4).contains(&v);
+        within(r, self.size.0) && (self.cyclic && c.is_finite() || within(c, self.size.1))
+    }
+
     /// Returns the piece of the source that the positions need. Columns may lie beyond the edge only if the grid is cyclic.
     fn under(&self, positions: &[(f64, f64)]) -> Option<Under> {
         let far = (f64::INFINITY, f64::NEG_INFINITY);
         let (rows, cols) = (self.size.0 as f64, self.size.1 as f64);
-        let inside = |&&(r, c): &&(f64, f64)| {
-            (-0.6..=rows - 0.4).contains(&r) && (self.cyclic && c.is_finite() || (-0.6..=cols - 0.4).contains(&c))
-        };
         let (r, c) = positions
             .iter()
-            .filter(inside)
+            .filter(|at| self.inside(**at))
             .fold((far, far), |((r0, r1), (c0, c1)), &(r, c)| ((r0.min(r), r1.max(r)), (c0.min(c), c1.max(c))));
         if r.0 > r.1 {
             return None;
@@ -295,4 +320,44 @@ fn is_identity(map: &Map, (rows, cols): (usize, usize)) -> bool {
 pub(super) fn lattice(rows: usize, cols: usize) -> impl Iterator<Item = (f64, f64)> {
     let at = |i: usize, count: usize| i as f64 / (LATTICE - 1) as f64 * (count as f64 - 1.0);
     (0..LATTICE * LATTICE).map(move |i| (at(i / LATTICE, rows), at(i % LATTICE, cols)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Raster;
+    use crate::resample::PixelMap;
+    use crate::source::InMemory;
+
+    /// Grids of the same directions are read line by line. A map that turns by the least number is read position by position, and gives the same bits.
+    #[test]
+    fn straight_grids_are_read_as_others_are() {
+        let (rows, cols) = (9, 12);
+        let mut samples: Vec<f32> = (0..rows * cols).map(|k| ((k * k * 31 + 17 * k) % 97) as f32).collect();
+        samples[5 * cols + 4] = f32::NAN;
+        let source = InMemory::new(Raster { rows, cols, samples, georef: None }, None, "memory");
+        let straight = PixelMap {
+            row0: -2.3,
+            row_per_row: 0.23,
+            row_per_col: 0.0,
+            col0: -1.7,
+            col_per_row: 0.0,
+            col_per_col: 0.31,
+        };
+        let turned = PixelMap { row_per_col: f64::MIN_POSITIVE, col_per_row: f64::MIN_POSITIVE, ..straight };
+        let window = Window { row: 3, col: 2, rows: 50, cols: 44 };
+        let beyond = Window { row: 90, ..window };
+        for interpolation in [Interpolation::Bicubic, Interpolation::Bilinear, Interpolation::CubicSpline] {
+            for cyclic in [false, true] {
+                let read = |map: PixelMap, window| {
+                    let (map, size) = (Map::Affine(map), (rows, cols));
+                    let plan = AlignPlan { map, interpolation, size, cyclic, same_grid: false, edge_px: EDGE_PX };
+                    plan.read(&source, window).unwrap().into_iter().map(f32::to_bits).collect::<Vec<_>>()
+                };
+                assert_eq!(read(straight, window), read(turned, window), "{interpolation:?} {cyclic}");
+                assert!(read(straight, window).iter().any(|v| f32::from_bits(*v).is_finite()));
+                assert!(read(straight, beyond).iter().all(|v| f32::from_bits(*v).is_nan()));
+            }
+        }
+    }
 }

@@ -192,11 +192,12 @@ impl Scene {
             // Evenly spread, with the last block at the end.
             let first = (self.rows - rows) * block / (blocks - 1).max(1);
             let band = self.band(first, rows)?;
-            let valid = band.coarse_m.iter().zip(band.valid()).filter(|(_, valid)| *valid);
-            range = valid.fold(range, |(low, high), (&z, _)| {
-                covered_pixels += 1;
-                (low.min(z), high.max(z))
-            });
+            for (&z, is_valid) in band.coarse_m.iter().zip(band.valid()) {
+                // Without a branch, so that the compiler can use vectors.
+                covered_pixels += u64::from(is_valid);
+                range.0 = if is_valid { range.0.min(z) } else { range.0 };
+                range.1 = if is_valid { range.1.max(z) } else { range.1 };
+            }
             brightness.add(&band.image);
             let of_parts = || {
                 band.add_contrast(&mut contrast, self.coarse_px);
@@ -234,6 +235,13 @@ fn spread(whole: usize, part: usize) -> Vec<usize> {
     (0..=gaps).map(|i| (whole - part) * i / gaps.max(1)).collect()
 }
 
+/// Returns a rectangle of a map.
+fn cut(map: &[f32], width: usize, rows: Range<usize>, cols: Range<usize>) -> Vec<f32> {
+    let mut part = Vec::with_capacity(rows.len() * cols.len());
+    rows.for_each(|row| part.extend_from_slice(&map[row * width..][cols.clone()]));
+    part
+}
+
 /// Fills the gaps of a map.
 fn close_gap(map: &mut [f32], cols: usize) {
     fill_gaps(map, cols, &mut vec![0.0; map.len()]).expect("whole rows, and a queue of their length");
@@ -250,8 +258,7 @@ impl Band {
         let weight = (self.rows * self.cols) as f64 / (corners.len() * tile.pixels()).max(1) as f64;
         let scratch = || vec![0.0; Photoclinometry::new(tile).scratch_len()];
         let of_tile = |scratch: &mut Vec<f32>, &(top, left): &(usize, usize)| {
-            let rows = (top..top + tile.rows).map(|row| row * self.cols + left);
-            let image: Vec<f32> = rows.flat_map(|first| &self.image[first..first + tile.cols]).copied().collect();
+            let image = cut(&self.image, self.cols, top..top + tile.rows, left..left + tile.cols);
             // Darkness and sameness have no contrast.
             Contrast::of_image(&image[..], tile, coarse_px, scratch).ok()
         };
@@ -262,10 +269,7 @@ impl Band {
 
     /// Returns a rectangle of the band.
     pub(super) fn part(&self, rows: Range<usize>, cols: Range<usize>) -> Self {
-        let cut = |map: &[f32]| {
-            rows.clone().flat_map(|row| &map[row * self.cols..][cols.clone()]).copied().collect::<Vec<f32>>()
-        };
-        let (image, coarse_m) = (cut(&self.image), cut(&self.coarse_m));
+        let [image, coarse_m] = [&self.image, &self.coarse_m].map(|map| cut(map, self.cols, rows.clone(), cols.clone()));
         Self { first: self.first + rows.start, rows: rows.len(), cols: cols.len(), image, coarse_m }
     }
 
