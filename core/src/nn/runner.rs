@@ -11,9 +11,12 @@ use super::scrub::Scrub;
 use super::self_test;
 use super::tensor::Tensor;
 use crate::part::{copy, head, head_mut, part, part_mut};
-use crate::quant::params::{Codes, TOGETHER};
+use crate::quant::params::quantise;
 use crate::tile::Shape;
 use core::hint::black_box;
+
+/// Samples of an input that are looked at and quantised together.
+const TOGETHER: usize = 64;
 
 /// Returns the first sample that is not finite.
 fn not_finite(samples: &[f32]) -> Option<usize> {
@@ -253,15 +256,19 @@ impl<'a, 'm> Runner<'a, 'm> {
             return Ok(());
         }
         let tensor = self.model.sealed_tensor(number).ok_or(RunError::ProgramChanged { entry: 0 })?;
-        let Tensor { zero, lo, hi, .. } = tensor;
-        let numbers = Codes { inverse_scale: 1.0 / tensor.scale, zero, lo, hi };
+        let inverse = 1.0 / tensor.scale;
         let to = Row::of(&tensor, row);
         let (line, mut at) = (tensor.cols * tensor.channels, 0);
         while at < line {
-            let (mut values, mut codes) = ([0f32; TOGETHER], [0; TOGETHER]);
+            // Samples first, because the compiler vectorises a loop with constant bounds and without checks.
+            let (mut values, mut codes, mut clamps) = ([0f32; TOGETHER], [0; TOGETHER], [0u32; TOGETHER]);
             let count = TOGETHER.min(line - at);
             samples(row * line + at, head_mut(&mut values, count));
-            self.telemetry.inputs_clamped += (self.kernel.quantise)(&numbers, &values, &mut codes, count) as u64;
+            for i in 0..TOGETHER {
+                let (kept, clamped) = quantise(values[i], inverse, tensor.zero, tensor.lo, tensor.hi);
+                (codes[i], clamps[i]) = (kept, clamped as u32);
+            }
+            self.telemetry.inputs_clamped += clamps.iter().take(count).sum::<u32>() as u64;
             to.store(self.arena.bytes, at, head(&codes, count));
             at += count;
         }

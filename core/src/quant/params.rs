@@ -25,43 +25,35 @@ pub fn multiplier(ratio: f64, shift: u32) -> i32 {
 }
 
 /// Returns the code of a real value: `value/scale` rounded to nearest (halves up), plus `zero`, saturated to `lo..=hi`. The flag says
-/// whether the code was saturated. NaN becomes `zero`.
-#[inline]
+/// whether the code was saturated. NaN becomes `zero`. `zero`, `lo` and `hi` are at most 2^20 from 0.
 pub fn quantise(value: f32, inverse_scale: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
-    // Below 2^24 every step is exact except the product, whose rounding IEEE 754 defines: every machine gets the same code. The floor is a
-    // comparison, because processors without a floor instruction would call a function.
-    let moved = value * inverse_scale + 0.5;
-    let whole = moved as i32;
-    let code = whole.saturating_sub((whole as f32 > moved) as i32).saturating_add(zero);
+    // Below 2^24 every step is exact except the product, whose rounding IEEE 754 defines: every machine gets the same code.
+    kept_floor(value * inverse_scale + 0.5, zero, lo, hi)
+}
+
+/// Returns the floor of a value plus `zero`, saturated to `lo..=hi`, and whether it was.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+fn kept_floor(value: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
+    // The floor is a comparison, because processors without a floor instruction would call a function.
+    let whole = value as i32;
+    let code = whole.saturating_sub((whole as f32 > value) as i32).saturating_add(zero);
     let kept = code.max(lo).min(hi);
     (kept, kept != code)
 }
 
-/// Number of values that are quantised together.
-pub(crate) const TOGETHER: usize = 64;
-
-/// How values become codes: the numbers of [`quantise`].
-#[derive(Debug, Clone, Copy)]
-pub(crate) struct Codes {
-    pub(crate) inverse_scale: f32,
-    pub(crate) zero: i32,
-    pub(crate) lo: i32,
-    pub(crate) hi: i32,
-}
-
-impl Codes {
-    /// Quantises values. Returns how many of the first `count` codes were saturated.
-    #[inline(always)]
-    pub(crate) fn of(&self, values: &[f32; TOGETHER], codes: &mut [i32; TOGETHER], count: usize) -> u32 {
-        let Self { inverse_scale, zero, lo, hi } = *self;
-        let mut clamps = [0u32; TOGETHER];
-        // The compiler vectorises a loop with constant bounds and without checks.
-        for i in 0..TOGETHER {
-            let (kept, clamped) = quantise(values[i], inverse_scale, zero, lo, hi);
-            (codes[i], clamps[i]) = (kept, clamped as u32);
-        }
-        clamps.iter().take(count).sum()
-    }
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+fn kept_floor(value: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
+    // The conversion of any float to an integer is not an instruction here, and the compiler does it one by one. All that follows is exact and
+    // has vectors: beside 1.5 * 2^23 a float has no fraction, and its low bits are the whole number.
+    const LIMIT: f32 = (1 << 22) as f32;
+    const WHOLE: f32 = 1.5 * (1 << 23) as f32;
+    let value = if value.is_nan() { 0.0 } else { value.max(-LIMIT).min(LIMIT) };
+    let near = (value + WHOLE) - WHOLE;
+    let code = near - if near > value { 1.0 } else { 0.0 } + zero as f32;
+    let kept = code.max(lo as f32).min(hi as f32);
+    ((kept + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32, kept != code)
 }
 
 #[cfg(test)]
@@ -72,6 +64,18 @@ mod tests {
     #[test]
     fn impossible_ratios_are_refused() {
         assert_eq!([shift_for(0.0), shift_for(f64::NAN), shift_for(1e12)], [None, None, None]);
+    }
+
+    /// Every 101st float: exact, scaled, far outside, infinite and not a number.
+    #[test]
+    fn codes_are_those_of_a_conversion() {
+        for bits in (0..=u32::MAX).step_by(101).chain([f32::INFINITY, f32::NEG_INFINITY, f32::NAN].map(f32::to_bits)) {
+            let moved = f32::from_bits(bits) + 0.5;
+            let whole = moved as i32;
+            let code = whole.saturating_sub((whole as f32 > moved) as i32).saturating_add(-7);
+            let expected = (code.clamp(-32768, 32767), !(-32768..=32767).contains(&code));
+            assert_eq!(quantise(f32::from_bits(bits), 1.0, -7, -32768, 32767), expected, "{bits:#x}");
+        }
     }
 
     proptest! {

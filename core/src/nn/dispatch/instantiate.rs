@@ -12,7 +12,6 @@ use crate::nn::kernels::{
 use crate::nn::kernels::{Isa, x86_amx::Amx, x86_avx_vnni::AvxVnni, x86_avx2::Avx2, x86_avx512::Avx512};
 use crate::nn::ops::{self, Constants, Prepared};
 use crate::nn::sum;
-use crate::quant::params::{Codes, TOGETHER};
 
 /// Makes a [`Kernel`] of a type that implements [`Isa`], with target features. Running it on a processor without these features is
 /// undefined behaviour.
@@ -46,24 +45,6 @@ macro_rules! instantiate {
             // SAFETY: as above.
             unsafe { compiled(bytes) }
         }
-        fn quantise(
-            numbers: &Codes,
-            values: &[f32; TOGETHER],
-            codes: &mut [i32; TOGETHER],
-            count: usize,
-        ) -> u32 {
-            #[target_feature(enable = $features)]
-            fn compiled(
-                numbers: &Codes,
-                values: &[f32; TOGETHER],
-                codes: &mut [i32; TOGETHER],
-                count: usize,
-            ) -> u32 {
-                numbers.of(values, codes, count)
-            }
-            // SAFETY: as above.
-            unsafe { compiled(numbers, values, codes, count) }
-        }
         #[cfg(test)]
         fn requantise(numbers: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
             #[target_feature(enable = $features)]
@@ -86,7 +67,6 @@ macro_rules! instantiate {
             name: <$isa as Isa>::NAME,
             unit,
             sum,
-            quantise,
             gemm: super::gemm::<$isa>,
             #[cfg(test)]
             products: super::products::<$isa>,

@@ -17,7 +17,6 @@ use super::kernels::softmax::Softmax;
 use super::kernels::{Accumulators, Isa, Patch};
 use super::ops::{self, Constants, Prepared};
 use super::sum::sum;
-use crate::quant::params::{Codes, TOGETHER};
 
 /// The operators for one instruction set. All kernels compute the same numbers.
 #[derive(Clone, Copy)]
@@ -27,8 +26,6 @@ pub struct Kernel {
     pub(crate) unit: fn(&Constants<'_>, &Prepared, &mut Arena<'_>, usize, usize) -> Option<u64>,
     /// Computes the quick checksum of bytes ([`sum`]).
     pub(crate) sum: fn(&[u8]) -> u32,
-    /// Quantises samples of an input ([`Codes::of`]).
-    pub(crate) quantise: fn(&Codes, &[f32; TOGETHER], &mut [i32; TOGETHER], usize) -> u32,
     pub(crate) gemm: fn(&mut Accumulators, usize, &Patch<'_>, &[u8], usize),
     #[cfg(test)]
     pub(crate) products: ProductsOf,
@@ -48,7 +45,6 @@ impl Kernel {
             name: I::NAME,
             unit: ops::run::<I>,
             sum,
-            quantise: Codes::of,
             gemm: gemm::<I>,
             #[cfg(test)]
             products: products::<I>,

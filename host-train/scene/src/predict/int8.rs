@@ -13,6 +13,10 @@ use std::path::Path;
 /// Multiply-accumulates per step of the runner. The value is large, because no watchdog runs on the ground.
 const STEP_MACS: u64 = 1 << 28;
 
+/// One tile of so many looks for changed memory ([`Runner::protect`]), the first among them: a tenth of a tile's time is spent on it. So a model
+/// that has changed in memory ends the run (our choice: memory in flight changes, that of the ground hardly ever).
+const PROTECTED_EVERY: u64 = 32;
+
 /// A validated `.eld` file in memory.
 pub struct Int8Model {
     kernel: Kernel,
@@ -101,7 +105,7 @@ impl TileModel for Int8Model {
 
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
         let model = self.model();
-        Ok(Box::new(Worker { kernel: self.kernel, model, arena: vec![0; required(&model) + LINE] }))
+        Ok(Box::new(Worker { kernel: self.kernel, model, arena: vec![0; required(&model) + LINE], tiles: 0 }))
     }
 }
 
@@ -109,6 +113,7 @@ struct Worker<'a> {
     kernel: Kernel,
     model: nn::Model<'a>,
     arena: Vec<u8>,
+    tiles: u64,
 }
 
 impl TileNetwork for Worker<'_> {
@@ -117,6 +122,8 @@ impl TileNetwork for Worker<'_> {
         // The arena begins a line of the cache, too.
         let start = self.arena.as_ptr().align_offset(LINE).min(LINE);
         let mut runner = Runner::with_kernel(self.kernel, self.model, &mut self.arena[start..]).map_err(fault)?;
+        runner.protect(self.tiles.is_multiple_of(PROTECTED_EVERY));
+        self.tiles += 1;
         runner.begin(image, coarse).map_err(fault)?;
         while runner.step(STEP_MACS).map_err(fault)? == Progress::Running {}
         runner.output(output).map_err(fault)

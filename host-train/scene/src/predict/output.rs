@@ -7,6 +7,7 @@ use elunar_core::sun::Body;
 use elunar_core::terrain::PixelSize;
 use elunar_raster::geotiff::{WriteOptions, Writer};
 use elunar_raster::{GeoRef, Raster};
+use image::GrayImage;
 use std::path::{Path, PathBuf};
 
 /// Provenance of a DTM, for the file's metadata.
@@ -90,11 +91,13 @@ impl DtmWriter {
         let (output, preview) = (self.output, self.preview);
         let mut staged = self.file.stage()?;
         check()?;
+        let sum = || self.is_identified.then(|| staged.sha256()).transpose();
+        let (sum, picture) = rayon::join(sum, || hillshade(&shade, &preview.finish()));
         // First of all: by it, what a killed run leaves is known.
-        if self.is_identified {
-            write_sum(&output, &staged.sha256()?)?;
+        if let Some(sum) = sum? {
+            write_sum(&output, &sum)?;
         }
-        write_hillshade(&shade, &preview.finish())?;
+        elunar_picture::write_png(&shade, picture?)?;
         let publish = || {
             check()?;
             staged.publish()
@@ -109,13 +112,11 @@ pub(super) fn write_sum(output: &Path, sum: &str) -> Result<()> {
     atomic_write(&sum_path(output), format!("{sum}  {name}\n").as_bytes())
 }
 
-fn write_hillshade(path: &Path, dtm: &Raster) -> Result<()> {
+/// Draws the hillshade that `path` will have.
+fn hillshade(path: &Path, dtm: &Raster) -> Result<GrayImage> {
     let unknown = || Error::usage(format!("{}: pixel size in metres unknown", path.display()));
     let (row_m, col_m) = dtm.pixel_m().ok_or_else(unknown)?;
-    elunar_picture::write_png(
-        path,
-        elunar_picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })?,
-    )
+    elunar_picture::hillshade(&dtm.samples, dtm.rows, dtm.cols, PixelSize { row_m, col_m })
 }
 
 /// Returns the path of the hillshade: `dtm_hillshade.png` beside `dtm.tif`. Another ending stays in the name, so that no two DTMs share one.

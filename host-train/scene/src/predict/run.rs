@@ -324,9 +324,10 @@ fn cut_tiles(
 ) -> impl Iterator<Item = (usize, Window, Result<Arc<Band>>)> {
     let mut band: Option<Arc<Band>> = None;
     tiling.iter().enumerate().take(tiles.end).skip(tiles.start).map(move |(index, window)| {
-        let current = match band.take().filter(|band| band.first == window.row) {
-            Some(band) => Ok(band),
-            None => scene.band(window.row, window.rows.min(scene.rows - window.row)).map(Arc::new),
+        let rows = window.rows.min(scene.rows - window.row);
+        let current = match band.take() {
+            Some(band) if band.first == window.row => Ok(band),
+            before => scene.band_after(before.as_deref(), window.row, rows).map(Arc::new),
         };
         band = current.as_ref().ok().cloned();
         (index, window, current)

@@ -139,6 +139,26 @@ impl Scene {
         Ok(Band { first, rows, cols: self.cols, image, coarse_m })
     }
 
+    /// Reads rows as [`Self::band`] does, but those that the band `before` has, which begins above them, are taken from it.
+    ///
+    /// # Errors
+    /// As [`Self::band`].
+    pub(super) fn band_after(&self, before: Option<&Band>, first: usize, rows: usize) -> Result<Band> {
+        let end = |band: &Band| band.first + band.rows;
+        let Some(band) = before.filter(|band| band.first <= first && first < end(band)) else {
+            return self.band(first, rows);
+        };
+        let kept = (end(band) - first).min(rows);
+        let of_kept = |map: &[f32]| map[(first - band.first) * self.cols..][..kept * self.cols].to_vec();
+        let [mut image, mut coarse_m] = [&band.image, &band.coarse_m].map(|map| of_kept(map));
+        if kept < rows {
+            let rest = self.band(first + kept, rows - kept)?;
+            image.extend(rest.image);
+            coarse_m.extend(rest.coarse_m);
+        }
+        Ok(Band { first, rows, cols: self.cols, image, coarse_m })
+    }
+
     /// Returns the error for a scene without valid pixels.
     #[must_use]
     pub fn nothing_valid(&self) -> Error {

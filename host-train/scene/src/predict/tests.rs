@@ -290,6 +290,22 @@ fn a_run_can_be_stopped_and_counts_its_tiles() {
     assert!(error.contains("stopped after 3 of"), "{error}");
 }
 
+/// A band takes the rows that it shares with the one before from it, and reads the others.
+#[test]
+fn a_band_after_another_is_the_band() {
+    let scene = scene(&image(90, 70), &coarse());
+    let bits = |band: &scene::Band| {
+        let maps = band.image.iter().chain(&band.coarse_m).map(|v| v.to_bits()).collect::<Vec<_>>();
+        (band.first, band.rows, band.cols, maps)
+    };
+    let before = scene.band(10, 30).unwrap();
+    // Overlapping, the same, inside it, behind it, and above it.
+    for (first, rows) in [(25, 30), (39, 51), (10, 30), (12, 5), (40, 20), (70, 20), (0, 30)] {
+        let (after, alone) = (scene.band_after(Some(&before), first, rows).unwrap(), scene.band(first, rows).unwrap());
+        assert_eq!(bits(&after), bits(&alone), "{first} {rows}");
+    }
+}
+
 #[test]
 fn a_survey_can_be_stopped_between_its_blocks() {
     let scene = scene(&image(2000, 330), &coarse());
