@@ -92,7 +92,8 @@ struct Measured {
 /// If the model cannot be read or fails its self test.
 pub fn run(args: Args) -> Result<()> {
     let kernel = kernel(args.kernel.as_deref())?;
-    let opened = int8::open(&args.model)?.in_large_steps()?.with_kernel(kernel);
+    let protected_every = if args.unprotected { u64::MAX } else { 1 };
+    let opened = int8::open(&args.model)?.in_large_steps()?.with_kernel(kernel).with_protected_every(protected_every);
     let model = opened.model();
     let facts = Facts {
         kernel: kernel.name().into(),

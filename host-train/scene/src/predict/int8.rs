@@ -13,8 +13,8 @@ use std::path::Path;
 /// Multiply-accumulates per step of the runner. The value is large, because no watchdog runs on the ground.
 const STEP_MACS: u64 = 1 << 28;
 
-/// One tile of so many looks for changed memory ([`Runner::protect`]), the first among them: a tenth of a tile's time is spent on it. So a model
-/// that has changed in memory ends the run (our choice: memory in flight changes, that of the ground hardly ever).
+/// One tile of so many looks for changed memory, which takes a tenth of a tile's time (our choice: memory in flight changes, that of the ground
+/// hardly ever).
 const PROTECTED_EVERY: u64 = 32;
 
 /// A validated `.eld` file in memory.
@@ -23,6 +23,7 @@ pub struct Int8Model {
     bytes: LineBytes,
     verdict: Verdict,
     description: String,
+    protected_every: u64,
 }
 
 /// Bytes of a model file whose constants begin a line of the cache, as AMX and AVX-512 like it.
@@ -55,7 +56,8 @@ pub fn open(path: &Path) -> Result<Int8Model> {
     let verdict = nn::Model::new(&bytes).map_err(|e| Error::broken(path, e.to_string()))?.verdict();
     let hash = sha256_hex(&bytes);
     let bytes = LineBytes::new(&bytes);
-    Ok(Int8Model { kernel: kernels::best(), bytes, verdict, description: format!("int8 network {name} sha256:{hash}") })
+    let description = format!("int8 network {name} sha256:{hash}");
+    Ok(Int8Model { kernel: kernels::best(), bytes, verdict, description, protected_every: PROTECTED_EVERY })
 }
 
 impl Int8Model {
@@ -69,6 +71,13 @@ impl Int8Model {
     #[must_use]
     pub fn kernel(&self) -> Kernel {
         self.kernel
+    }
+
+    /// Sets that of so many tiles of a thread one looks for changed memory ([`Runner::protect`]), the first among them; a model that has changed
+    /// ends the run. The default is 32, as memory on the ground hardly ever changes; in flight it is 1.
+    #[must_use]
+    pub fn with_protected_every(self, tiles: u64) -> Self {
+        Self { protected_every: tiles, ..self }
     }
 
     /// Replaces the file's steps by larger ones ([`large_steps`]): the same bytes, sooner, with more memory.
@@ -104,14 +113,15 @@ impl TileModel for Int8Model {
     }
 
     fn worker(&self) -> Result<Box<dyn TileNetwork + '_>> {
-        let model = self.model();
-        Ok(Box::new(Worker { kernel: self.kernel, model, arena: vec![0; required(&model) + LINE], tiles: 0 }))
+        let (model, &Self { kernel, protected_every, .. }) = (self.model(), self);
+        Ok(Box::new(Worker { kernel, model, protected_every, arena: vec![0; required(&model) + LINE], tiles: 0 }))
     }
 }
 
 struct Worker<'a> {
     kernel: Kernel,
     model: nn::Model<'a>,
+    protected_every: u64,
     arena: Vec<u8>,
     tiles: u64,
 }
@@ -122,10 +132,29 @@ impl TileNetwork for Worker<'_> {
         // The arena begins a line of the cache, too.
         let start = self.arena.as_ptr().align_offset(LINE).min(LINE);
         let mut runner = Runner::with_kernel(self.kernel, self.model, &mut self.arena[start..]).map_err(fault)?;
-        runner.protect(self.tiles.is_multiple_of(PROTECTED_EVERY));
+        runner.protect(self.tiles.is_multiple_of(self.protected_every));
         self.tiles += 1;
         runner.begin(image, coarse).map_err(fault)?;
         while runner.step(STEP_MACS).map_err(fault)? == Progress::Running {}
         runner.output(output).map_err(fault)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The first tile of a thread finds it, and so does one of so many; the others do not look.
+    #[test]
+    fn a_model_that_changes_in_memory_is_found() {
+        let mut model = open(Path::new("nano")).unwrap().with_protected_every(2);
+        let (pixels, rules) = (model.tile().pixels(), model.input_rules());
+        let (image, coarse_m) = (vec![0.5; pixels * rules.illumination.image_maps()], vec![25.0; pixels]);
+        let constants = RawModel::new(model.bytes.get()).unwrap().word(word::CONSTANTS) as usize;
+        let at = model.bytes.start + constants + 1000;
+        model.bytes.padded[at] ^= 1;
+        let (mut worker, mut output) = (model.worker().unwrap(), vec![0.0; pixels]);
+        let found = [(); 3].map(|()| worker.predict(&image, &coarse_m, &mut output).is_err());
+        assert_eq!(found, [true, false, true]);
     }
 }
