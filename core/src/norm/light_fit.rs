@@ -25,9 +25,9 @@ mod strength;
 pub use axis::Axis;
 pub(crate) use axis::DIRECTED_RELIEF;
 
-use crate::part::{head_mut, item};
 use crate::norm::light::{Light, STRENGTH_MAX, STRENGTH_MIN};
 use crate::norm::shading::Brightness;
+use crate::part::{head_mut, item};
 use crate::samples::Samples;
 use crate::terrain::PixelSize;
 use crate::words::Words;

@@ -289,7 +289,8 @@ impl Band {
 
     /// Returns a rectangle of the band.
     pub(super) fn part(&self, rows: Range<usize>, cols: Range<usize>) -> Self {
-        let [image, coarse_m] = [&self.image, &self.coarse_m].map(|map| cut(map, self.cols, rows.clone(), cols.clone()));
+        let [image, coarse_m] =
+            [&self.image, &self.coarse_m].map(|map| cut(map, self.cols, rows.clone(), cols.clone()));
         Self { first: self.first + rows.start, rows: rows.len(), cols: cols.len(), image, coarse_m }
     }
 
