@@ -114,12 +114,6 @@ def real_scene(part, scene):
     return [*metres, *degrees], *([digits(of[method][figure]) for method in METHODS] for figure in (HEIGHTS, SLOPES))
 
 
-def real():
-    of = {name: real_scene("real", scene) for scene, name in REAL.items()}
-    lines = [[name, *best(slopes)] for name, (_, _, slopes) in of.items()]
-    return table(["scene", "untrained", "`nano`", "`ground`"], lines)
-
-
 RECORDED = (
     ("fitted", "real"),
     ("azimuth told", "real-azimuth"),
@@ -164,10 +158,25 @@ def free():
         "told": "real-azimuth-free",
         "erring, fitted": "real-erring-free",
         "told ": "real-erring-azimuth-free",
-        "built-in suite": "suite-free",
     }
     lines = [[f"`{method}`", *(digits(mean(part, method, HEIGHTS)) for part in lists.values())] for method in METHODS[1:]]
     return table(["real:", *map(str.strip, lists)], lines)
+
+
+def weighed():
+    """RMSE of `ground` with the anchor, without it, and with long waves as a weighted mean (suites/estimates.py)."""
+    lists = {
+        "real, exact": "real",
+        "erring": "real-erring",
+        "Apollo 15": "apollo15",
+        "another generator": "independent",
+        "ray-traced": "stereolunar",
+        "built-in": "suite",
+    }
+    heading, *lines = [line.split() for line in (OUT / "anchor.txt").read_text().splitlines()]
+    of = {cells[1]: dict(zip(heading, cells)) for cells in lines if cells[0] == "ground"}
+    kinds = {"anchor": "anchor", "none": "none", "weighed": "half-width-0.5-weight-0.7"}
+    return table(["`ground`", *lists], [[name, *(of[part][kind] for part in lists.values())] for name, kind in kinds.items()])
 
 
 def sfs():
@@ -262,9 +271,9 @@ def shaded():
 TABLES = {
     "adds": adds,
     "front": front,
-    "real": real,
     "hard": hard,
     "free": free,
+    "weighed": weighed,
     "sfs": sfs,
     "suite": suite,
     "limits": limits,

@@ -64,4 +64,8 @@ part landforms run suite --suite "$here/suites/landforms.toml" --against "sfs=$o
 part suite-free run suite --no-anchor "${models[@]}" --out "$out/suite-free"
 part limits run suite --suite "$here/suites/limits.toml" --against "sfs=$out/sfs-limits/sfs" --model "nano=$nano" --out "$out/limits"
 part sure all_sure
+for list in apollo15 independent stereolunar; do
+    part "$list-free" run suite --suite "$out/lists/$list.toml" --no-anchor "${models[@]}" --out "$out/$list-free"
+done
+for what in anchor sigma ceiling; do part "$what" python3 "$here/suites/estimates.py" "$out" "$what"; done
 python3 "$here/models/card.py" "$out"
