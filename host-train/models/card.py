@@ -65,7 +65,9 @@ def table(heading, lines):
 
 SETS = [
     ("ten [real images](#real-ground), light fitted", "real"),
-    ("the same, azimuth told where there is one", "real-azimuth"),
+    ("azimuth told where known", "real-azimuth"),
+    ("coarse DTMs that [err](#coarse-dtms-that-err), light fitted", "real-erring"),
+    ("azimuth told", "real-erring-azimuth"),
     ("ray-traced images of real topography, light fitted", "stereolunar-hide"),
     ("crop of a NAC DTM (Apollo 15), rendered under four Suns", "apollo15"),
     ("another generator, one scene", "independent"),
@@ -91,15 +93,15 @@ def front():
 
 
 REAL = {
-    "moon_aristarchus_cp_wac": "Moon, Aristarchus, WAC",
-    "north_pole_0": "Moon, north pole, WAC, 1",
-    "north_pole_1": "Moon, north pole, WAC, 2",
-    "north_pole_2": "Moon, north pole, WAC, 3",
-    "north_pole_3": "Moon, north pole, WAC, 4",
-    "mars_noctis_hirise": "Mars, Noctis, HiRISE*",
-    "mars_cerberus_hirise": "Mars, Cerberus, HiRISE*",
+    "moon_aristarchus_cp_wac": "Moon, Aristarchus",
+    "north_pole_0": "Moon, north pole 1",
+    "north_pole_1": "Moon, north pole 2",
+    "north_pole_2": "Moon, north pole 3",
+    "north_pole_3": "Moon, north pole 4",
+    "mars_noctis_hirise": "Mars, Noctis*",
+    "mars_cerberus_hirise": "Mars, Cerberus*",
     "mars_gale_hirise_1m": "Mars, Gale, HiRISE, dark dunes",
-    "mars_candor_hirise": "Mars, Candor, HiRISE*",
+    "mars_candor_hirise": "Mars, Candor*",
     "mars_gale_hrsc": "Mars, Gale, HRSC",
 }
 
@@ -112,12 +114,12 @@ def real_scene(part, scene):
     return [*metres, *degrees], *([digits(of[method][figure]) for method in METHODS] for figure in (HEIGHTS, SLOPES))
 
 
-def real():
-    of = {name: real_scene("real", scene) for scene, name in REAL.items()}
-    lines = [[name, *metres, *best(slopes)] for name, (metres, _, slopes) in of.items()]
-    lines.append(["mean", "", "", "", "", *best([digits(mean("real", method, SLOPES)) for method in METHODS])])
-    heading = ["scene", "RMSE, m: coarse DTM", "`ground`", "slopes, °: coarse DTM", "`ground`"]
-    return table(heading + ["ratio of slopes: untrained", "`nano`", "`ground`"], lines)
+RECORDED = (
+    ("fitted", "real"),
+    ("azimuth told", "real-azimuth"),
+    ("fitted, coarse DTM errs", "real-erring"),
+    ("azimuth told, coarse DTM errs", "real-erring-azimuth"),
+)
 
 
 def record():
@@ -126,11 +128,12 @@ def record():
            *(f"{method} {figure} ratio" for figure in ("RMSE", "slope") for method in METHODS),
            *(f"{method} half coherence px" for method in ("coarse", "nano")),
            *(f"nano {what} within {sd} sd" for what in ("heights", "slopes") for sd in ("1", "1.96"))]
-    for light, part in (("fitted", "real"), ("azimuth told", "real-azimuth")):
+    for light, part in RECORDED:
         for scene, name in REAL.items():
             row = [name, light, *sum(real_scene(part, scene), [])]
-            if part == "real":
-                row += [half_coherence(scene, method) for method in (COARSE, "nano")] + [f"{share / 100:.2f}" for share in shares(scene)]
+            if part in ("real", "real-erring"):
+                row += [half_coherence(part, scene, method) for method in (COARSE, "nano")]
+                row += [f"{share / 100:.2f}" for share in shares(part, scene)]
             yield row + [""] * (18 - len(row))
 
 
@@ -148,8 +151,36 @@ def hard():
     return table(["list", "scenes", "RMSE: untrained", "`ground`", "slope vectors: untrained", "`ground`"], lines)
 
 
+def free():
+    """RMSE without the anchor; what it is with the anchor says the table of `adds`."""
+    lists = {
+        "exact, fitted": "real-free",
+        "told": "real-azimuth-free",
+        "erring, fitted": "real-erring-free",
+        "told ": "real-erring-azimuth-free",
+    }
+    lines = [[f"`{method}`", *(digits(mean(part, method, HEIGHTS)) for part in lists.values())] for method in METHODS[1:]]
+    return table(["real:", *map(str.strip, lists)], lines)
+
+
+def weighed():
+    """RMSE of `ground` with the anchor, without it, and with long waves as a weighted mean (suites/estimates.py)."""
+    lists = {
+        "real, exact": "real",
+        "erring": "real-erring",
+        "Apollo 15": "apollo15",
+        "another generator": "independent",
+        "ray-traced": "stereolunar",
+        "built-in": "suite",
+    }
+    heading, *lines = [line.split() for line in (OUT / "anchor.txt").read_text().splitlines()]
+    of = {cells[1]: dict(zip(heading, cells)) for cells in lines if cells[0] == "ground"}
+    kinds = {"anchor": "anchor", "none": "none", "weighed": "half-width-0.5-weight-0.7"}
+    return table(["`ground`", *lists], [[name, *(of[part][kind] for part in lists.values())] for name, kind in kinds.items()])
+
+
 def sfs():
-    methods = {"shape from shading, default weights": "sfs", "chosen on the truths": "tuned", "untrained": "untrained", "`nano`": "nano"}
+    methods = {"shape from shading, default weights": "sfs", "chosen on the truths": "tuned"}
     return heights_and_slopes("real ground", "real-against", methods)
 
 
@@ -195,25 +226,32 @@ def landforms():
     return heights_and_slopes("", "landforms", methods)
 
 
-def shares(name):
+def shares(part, name):
     """Percent of heights and slopes within one and 1.96 expected standard deviations, from the table of `evaluate`."""
-    text = (OUT / "sure" / f"{name}.txt").read_text()
+    text = (OUT / "sure" / part / f"{name}.txt").read_text()
     numbers = [float(word) for word in re.search(r"^all +(.*)$", text, re.M).group(1).split()]
     return numbers[1:3] + numbers[4:6]
 
 
-def half_coherence(scene, method):
+def half_coherence(part, scene, method):
     """The half-coherence wavelength in pixels of the truth."""
-    found = next(one for one in json.loads((OUT / "real/results.json").read_text())["scenes"] if one["name"] == scene)
+    found = next(one for one in json.loads((OUT / part / "results.json").read_text())["scenes"] if one["name"] == scene)
     half = next(one for one in found["judged"] if one["method"] == method)["spectral"]["half_coherence"]
+    if half is None:
+        return "none"
     return ("<=" if half["at_most"] else "") + digits(half["wavelength_m"] / found["pixel_m"][0], 1)
 
 
 def sure():
-    of = [[share / 100 for share in shares(scene)] for scene in REAL]
-    lines = [["real, mean (least, most)", *(f"{sum(one) / len(one):.2f} ({min(one):.2f}, {max(one):.2f})" for one in zip(*of))]]
-    synthetic = [shares(path.name[: -len("_image.tif")]) for path in (OUT / "suite/scenes").glob("*_image.tif")]
-    lines.append(["built-in suite, mean", *(f"{sum(one) / len(one) / 100:.2f}" for one in zip(*synthetic))])
+    """Mean, least and most of the scenes' shares, and how many scenes are within the range that we aim at."""
+    lists = [("real, exact", "real", REAL), ("real, erring", "real-erring", REAL)]
+    built_in = sorted(path.name[: -len("_image.tif")] for path in (OUT / "suite/scenes").glob("*_image.tif"))
+    lines = []
+    for name, part, scenes in [*lists, ("built-in suite", "suite", built_in)]:
+        of = [[share / 100 for share in shares(part, scene)] for scene in scenes]
+        near = [sum(low <= share <= high for share in one) for (low, high), one in zip(2 * [(0.55, 0.8), (0.88, 0.99)], zip(*of))]
+        cells = (f"{sum(one) / len(one):.2f} ({min(one):.2f}, {max(one):.2f}) {count}" for one, count in zip(zip(*of), near))
+        lines.append([name, *cells])
     return table(["scenes", "heights: 1 sd", "1.96 sd", "slopes: 1 sd", "1.96 sd"], lines)
 
 
@@ -233,8 +271,9 @@ def shaded():
 TABLES = {
     "adds": adds,
     "front": front,
-    "real": real,
     "hard": hard,
+    "free": free,
+    "weighed": weighed,
     "sfs": sfs,
     "suite": suite,
     "limits": limits,

@@ -28,24 +28,27 @@ both() {
     part "$1" run suite --suite "$out/lists/$1.toml" "${models[@]}" --out "$out/$1"
     part "$1-hide" run suite --suite "$out/lists/$1.toml" --hide-sun "${models[@]}" --out "$out/$1-hide"
 }
-# $1: name of an image and its coarse DTM with truth, $2: their folder. Scores heights and expected errors.
+# $1: name of an image and its coarse DTM with truth, $2: the part that has them. Scores heights and expected errors.
 sure() {
-    local dtm="$out/sure/$1"
-    run predict --fit-sun --image "$2/$1_image.tif" --coarse "$2/$1_coarse.tif" --model "$nano" -o "$dtm.tif" \
+    local dtm="$out/sure/$2/$1" scenes="$out/$2/scenes"
+    run predict --fit-sun --image "$scenes/$1_image.tif" --coarse "$scenes/$1_coarse.tif" --model "$nano" -o "$dtm.tif" \
         --uncertainty "${dtm}_e.tif" &&
-        run evaluate --dtm "$dtm.tif" --truth "$2/$1_truth.tif" --uncertainty "${dtm}_e.tif" >"$dtm.txt"
+        run evaluate --dtm "$dtm.tif" --truth "$scenes/$1_truth.tif" --uncertainty "${dtm}_e.tif" >"$dtm.txt"
 }
 all_sure() {
-    local image name
-    mkdir -p "$out/sure"
-    for image in "$out"/real/scenes/*_image.tif "$out"/suite/scenes/*_image.tif; do
-        name="$(basename "$image" _image.tif)"
-        sure "$name" "$(dirname "$image")" || return
+    local image part
+    for part in real real-erring suite; do
+        mkdir -p "$out/sure/$part"
+        for image in "$out/$part"/scenes/*_image.tif; do sure "$(basename "$image" _image.tif)" "$part" || return; done
     done
 }
 part lists python3 "$here/suites/external.py" "$data" "$out/lists"
 part real run suite --real "$data/real" "${models[@]}" --linear-own --out "$out/real"
 part real-azimuth run suite --suite "$out/lists/real-azimuth.toml" "${models[@]}" --out "$out/real-azimuth"
+for list in real-erring real-erring-azimuth; do part "$list" run suite --suite "$out/lists/$list.toml" "${models[@]}" --out "$out/$list"; done
+for list in real real-azimuth real-erring real-erring-azimuth; do
+    part "$list-free" run suite --suite "$out/lists/$list.toml" --no-anchor "${models[@]}" --out "$out/$list-free"
+done
 for list in variants unrelated unrelated-azimuth noise; do part "$list" run suite --suite "$out/lists/$list.toml" --model ground=host-train/models/ground.eld --out "$out/$list"; done
 for list in apollo15 independent stereolunar; do both "$list"; done
 part nac run suite --suite "$out/lists/nac.toml" --model "nano=$nano" --out "$out/nac"
@@ -58,6 +61,11 @@ part suite run suite --against "sfs=$out/sfs-held-out/sfs" --linear-bound --mode
     --model ground=host-train/models/ground.eld --out "$out/suite"
 part landforms run suite --suite "$here/suites/landforms.toml" --against "sfs=$out/sfs-landforms/sfs" --linear-bound "${models[@]}" \
     --out "$out/landforms"
+part suite-free run suite --no-anchor "${models[@]}" --out "$out/suite-free"
 part limits run suite --suite "$here/suites/limits.toml" --against "sfs=$out/sfs-limits/sfs" --model "nano=$nano" --out "$out/limits"
 part sure all_sure
+for list in apollo15 independent stereolunar; do
+    part "$list-free" run suite --suite "$out/lists/$list.toml" --no-anchor "${models[@]}" --out "$out/$list-free"
+done
+for what in anchor sigma ceiling; do part "$what" python3 "$here/suites/estimates.py" "$out" "$what"; done
 python3 "$here/models/card.py" "$out"

@@ -146,6 +146,8 @@ REAL = {
     "mars_candor_hirise": ("image_42.26m.tif", "truth_dtm_42.26m_height_scale_guessed.tif", 1, 20),
     "mars_gale_hrsc": ("image_333m.tif", "truth_dtm_667m.tif", 2, 20),
 }
+# True sides of pixels, metres, where the files state others.
+PIXELS_M = {"mars_cerberus_hirise": 35.85}
 # Sets whose image has 0 where it is void.
 ZERO_IS_VOID = ("mars_candor_hirise", "mars_gale_hrsc")
 # Azimuths of the light that the truths show: the fit of the light (`predict`) with the truth in place of the coarse DTM. Windows of the pole's
@@ -187,6 +189,10 @@ def save(path, map_, transform, crs):
     return path
 
 
+def with_azimuths(scenes):
+    return [scene | {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else scene for scene in scenes]
+
+
 def real_scene(out, name, kind, image, truth, places, crs, coarse_px):
     """Writes a scene, its coarse DTM averaged from the truth. `places`: transforms of image and truth."""
     out = out.resolve()
@@ -209,6 +215,9 @@ def real(folder, out):
             (image, of_image, crs), (truth, of_truth, other) = opened(folder / name / image), opened(folder / name / truth)
             if name in ZERO_IS_VOID:
                 image[image == 0] = np.nan
+            if name in PIXELS_M:
+                scale = rasterio.Affine.scale(PIXELS_M[name] / abs(of_image.a))
+                of_image, of_truth = of_image * scale, of_truth * scale
             places = of_image * rasterio.Affine.scale(shrink), of_truth
             scenes.append(real_scene(out, name, name.split("_")[0].title(), means(image, shrink, 0.5), truth, places, crs or other or moon,
                                      coarse_px))
@@ -228,8 +237,8 @@ def real(folder, out):
              "the image, without error. Truth and DTMs are compared after a Gaussian of 2 pixels of the truth. Heights of Noctis, "
              "Cerberus and Candor have a guessed scale: only ratios count.")
     write(out, "real", about, scenes)
-    told = [scene | {"sun_azimuth_deg": AZIMUTHS[scene["name"]]} if scene["name"] in AZIMUTHS else scene for scene in scenes]
-    write(out, "real-azimuth", about.replace("the Sun is not told", "the azimuth is told where there is one, fitted to the truth"), told)
+    told = about.replace("the Sun is not told", "the azimuth is told where there is one, fitted to the truth")
+    write(out, "real-azimuth", told, with_azimuths(scenes))
     erring(out, scenes)
     unrelated(out, scenes)
     variants(out, scenes)
@@ -273,6 +282,8 @@ def erring(out, real):
              f"and a step, for pixels of 59 m and in proportion for others, and are misregistered by up to {MISREGISTRATION_PX} pixels. Seeds: "
              "numbers of the scenes. The Sun is not told.")
     write(out, "real-erring", about, scenes)
+    told = about.replace("The Sun is not told", "The azimuth is told where there is one")
+    write(out, "real-erring-azimuth", told, with_azimuths(scenes))
 
 
 def maps_of(scene):

@@ -18,6 +18,8 @@ struct Set {
     shrink: usize,
     /// Side of the coarse DTM's pixels, in averaged pixels of the image.
     coarse_px: usize,
+    /// True side of the image's pixels, where the files state another, metres.
+    pixel_m: Option<f64>,
     /// Whether pixels of the image that are 0 are void.
     zero_is_void: bool,
     /// Prefix of the scenes' names, and upper left corners of square windows; none: the whole image.
@@ -32,7 +34,11 @@ const WINDOW_PX: usize = 254;
 const SETS: [Set; 7] = [
     set("moon_aristarchus_cp_wac", "Moon", ["image_iof_214m.tif", "truth_dtm_214m.tif"]),
     set("mars_noctis_hirise", "Mars", ["image_17.5m.tif", "truth_dtm_17.5m_scale_guessed.tif"]),
-    set("mars_cerberus_hirise", "Mars", ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"]),
+    Set {
+        // Its product has 3903 x 8962 pixels of 2 m.
+        pixel_m: Some(35.85),
+        ..set("mars_cerberus_hirise", "Mars", ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"])
+    },
     Set { shrink: 2, coarse_px: 25, ..set("mars_gale_hirise_1m", "Mars", ["image_1m.tif", "truth_dtm_1m.tif"]) },
     Set {
         zero_is_void: true,
@@ -53,7 +59,7 @@ const ABOUT: &str = "Real images with DTMs of stereo or altimetry; the Sun is no
     Cerberus and Candor have a guessed scale: only ratios count.";
 
 const fn set(folder: &'static str, kind: &'static str, [image, truth]: [&'static str; 2]) -> Set {
-    Set { folder, kind, image, truth, shrink: 1, coarse_px: 20, zero_is_void: false, windows: None }
+    Set { folder, kind, image, truth, shrink: 1, coarse_px: 20, pixel_m: None, zero_is_void: false, windows: None }
 }
 
 /// Makes the scenes of the data sets in `data`, writes their images, coarse DTMs and truths into `out`, and returns their list and the folders
@@ -102,7 +108,13 @@ fn scenes(set: &Set, folder: &Path, out: &Path) -> Result<Vec<SuiteScene>> {
         let georef = raster.georef.clone().ok_or_else(unplaced)?;
         Ok((raster, georef))
     };
-    let ((mut image, mut of_image), (mut truth, of_truth)) = (read(set.image)?, read(set.truth)?);
+    let ((mut image, mut of_image), (mut truth, mut of_truth)) = (read(set.image)?, read(set.truth)?);
+    if let Some(pixel_m) = set.pixel_m {
+        let times = pixel_m / of_image.transform[1].abs();
+        for georef in [&mut of_image, &mut of_truth] {
+            [1, 2, 4, 5].into_iter().for_each(|i| georef.transform[i] *= times);
+        }
+    }
     // Reference systems that a file does not state are those of the other, or of the Moon.
     if of_image.crs.is_empty() {
         of_image.crs = if of_truth.crs.is_empty() {
@@ -276,6 +288,8 @@ mod tests {
         let gale = folder.path().join("real/mars_gale_hirise_1m");
         save(&gale, "image_1m.tif", (111, 163), 1.0, |r, c| 2000.0 + holed(r, c));
         save(&gale, "truth_dtm_1m.tif", (111, 163), 1.0, holed);
+        let cerberus = folder.path().join("real/mars_cerberus_hirise");
+        ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"].map(|f| save(&cerberus, f, (125, 170), 31.25, hill));
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/suites/external.py");
         let script =
             format!("import subprocess, sys\nsubprocess.run([sys.executable, {script:?}, '.', 'lists'], check=True)");
@@ -284,7 +298,8 @@ mod tests {
         }
         let (list, _) = real(&folder.path().join("real"), &folder.path().join("out")).unwrap();
         let theirs = List::read(&folder.path().join("lists/real.toml")).unwrap();
-        assert_eq!((list.scene.len(), &list.about), (2, &theirs.about));
+        assert_eq!((list.scene.len(), &list.about), (3, &theirs.about));
+        assert!((list.scene[1].truth_resolution_m.unwrap() / RESOLUTION_PX - 35.85).abs() < 1e-9);
         for (ours, theirs) in list.scene.iter().zip(&theirs.scene) {
             assert_eq!((&ours.name, &ours.kind), (&theirs.name, &theirs.kind));
             assert!((ours.truth_resolution_m.unwrap() / theirs.truth_resolution_m.unwrap() - 1.0).abs() < 1e-12);

@@ -1,0 +1,185 @@
+#!/usr/bin/env python3
+"""What an anchor that weighs, and laser tracks, would be worth: computed from the DTMs and expected errors that models/card.sh has made in OUT.
+
+    host-train/suites/estimates.py OUT anchor     RMSE over the coarse DTM's: the anchor, none, and long waves as a weighted mean
+    host-train/suites/estimates.py OUT sigma      scenes whose heights are within 0.55-0.80 and 0.88-0.99 of 1 and 1.96 expected standard
+                                                  deviations: as they are, with the coarse DTM's sigma told, or found along laser tracks
+    host-train/suites/estimates.py OUT ceiling    the same if the error's standard deviation is known, and its map is not
+
+The weighted mean compares like with like: a coarse height is a mean over a coarse pixel, so the DTM without anchor is averaged over one, too. A part
+of the difference's low-pass (three boxes) is taken away. Needs numpy, scipy and rasterio.
+"""
+
+import pathlib
+import sys
+import zlib
+
+import numpy as np
+import rasterio
+from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
+
+LISTS = "real", "real-erring", "apollo15", "independent", "stereolunar", "suite"
+WEIGHTS, HALF_WIDTHS_COARSE_PX = (0.5, 0.7, 1.0), (0.5, 0.75)
+# Standard deviation of the errors in `real-erring` in coarse pixels: 2.6 m and 1.5 m for 59.2 m.
+ERRING_SIGMA_PX = np.hypot(2.6, 1.5) / 59.2
+TRACKS, DRAWS = (2, 4, 8), 5
+RANGES = np.array([[0.55, 0.80], [0.88, 0.99]])
+
+
+def read(path, band=1):
+    with rasterio.open(path) as file:
+        return file.read(band, masked=True).astype("f8").filled(np.nan), file.transform, file.tags()
+
+
+def filled(map_):
+    return map_[tuple(distance_transform_edt(~np.isfinite(map_), return_distances=False, return_indices=True))]
+
+
+def bicubic(map_, place, grid, shape):
+    """Catmull-Rom between the samples, as the coarse DTM is brought onto the image's grid."""
+    for axis, (first, step) in enumerate((((grid.f - place.f) / place.e, grid.e / place.e), ((grid.c - place.c) / place.a, grid.a / place.a))):
+        at = first + (np.arange(shape[axis]) + 0.5) * step - 0.5
+        whole = np.floor(at).astype(int)
+        out = 0
+        for tap in (-1, 0, 1, 2):
+            far = np.abs(at - whole - tap)
+            weight = np.where(far <= 1, 1.5 * far**3 - 2.5 * far**2 + 1, -0.5 * far**3 + 2.5 * far**2 - 4 * far + 2)
+            taken = np.take(map_, np.clip(whole + tap, 0, map_.shape[axis] - 1), axis)
+            out = out + taken * weight.reshape((-1, 1) if axis == 0 else (1, -1))
+        map_ = out
+    return map_
+
+
+def means(map_, half_px):
+    """Means over squares, of the pixels inside the map."""
+    def sums(values):
+        for axis in (0, 1):
+            values = uniform_filter1d(values, 2 * int(half_px + 0.5) + 1, axis, mode="constant")
+        return values
+    return sums(map_) / sums(np.ones_like(map_))
+
+
+class Scene:
+    """Maps of a scene on the image's grid."""
+
+    def __init__(self, out, part, name, dtm):
+        self.dtm, self.grid, _ = read(dtm)
+        self.coarse, place, _ = read(out / part / "scenes" / f"{name}_coarse.tif")
+        truth, of_truth, _ = read(out / part / "scenes" / f"{name}_truth.tif")
+        self.coarse = bicubic(filled(self.coarse), place, self.grid, self.dtm.shape)
+        self.coarse_m, self.coarse_px = abs(place.a), abs(place.a / self.grid.a)
+        rows, cols = (np.arange(n) + 0.5 for n in self.dtm.shape)
+        down = (self.grid.f + self.grid.e * rows - of_truth.f) / of_truth.e - 0.5
+        right = (self.grid.c + self.grid.a * cols - of_truth.c) / of_truth.a - 0.5
+        at = np.meshgrid(down, right, indexing="ij")
+        finer = self.grid.a / of_truth.a
+        smooth = gaussian_filter(filled(truth), 0.4 * finer) if finer > 1.5 else filled(truth)
+        self.truth = map_coordinates(smooth, at, order=1, mode="nearest")
+        self.truth[map_coordinates(np.isfinite(truth).astype("f8"), at, order=1, mode="nearest") < 0.99] = np.nan
+
+
+def names(out, part):
+    return sorted(path.name.removesuffix("_truth.tif") for path in (out / part / "scenes").glob("*_truth.tif"))
+
+
+def found(folder, name):
+    return next(path for path in (folder / f"{name}.tif", folder / f"{name}_dtm.tif") if path.exists())
+
+
+def anchor(out):
+    kinds = [(half, weight) for half in HALF_WIDTHS_COARSE_PX for weight in WEIGHTS]
+    print("model list", "anchor", "none", *(f"half-width-{half}-weight-{weight}" for half, weight in kinds))
+    for model in ("nano", "ground"):
+        for part in LISTS:
+            if not (out / f"{part}-free").is_dir():
+                print(f"SKIPPED: {out / part}-free: not there")
+                continue
+            ratios = []
+            for name in names(out, part):
+                folder = "int8" if (out / part / "dtm/int8").is_dir() and model == "nano" else model
+                anchored = Scene(out, part, name, found(out / part / "dtm" / folder, name))
+                free, _, _ = read(found(out / f"{part}-free/dtm" / model, name))
+                valid = np.isfinite(anchored.dtm + free + anchored.truth)
+                rms = lambda dtm: np.sqrt(np.mean((dtm - anchored.truth)[valid] ** 2))
+                whole = np.where(np.isfinite(free), free, anchored.coarse)
+                apart = means(whole, 0.5 * anchored.coarse_px) - anchored.coarse
+                made = [anchored.dtm, free]
+                for half, weight in kinds:
+                    low = apart
+                    for _ in range(3):
+                        low = means(low, half * anchored.coarse_px)
+                    made.append(free - weight * low)
+                ratios.append([rms(dtm) / rms(anchored.coarse) for dtm in made])
+            print(model, part, *(f"{mean:.3f}" for mean in np.mean(ratios, 0)), flush=True)
+
+
+def shares(errors, sds):
+    ratio = np.abs(errors / sds)
+    return [np.mean(ratio[np.isfinite(ratio)] < limit) for limit in (1, 1.96)]
+
+
+def report(part, how, of):
+    inside = np.mean((RANGES[:, 0] <= of) & (of <= RANGES[:, 1]), 0)
+    cells = (f"{mean:.2f} ({least:.2f}, {most:.2f}) {100 * share:.0f} %" for mean, least, most, share in zip(np.mean(of, 0), np.min(of, 0), np.max(of, 0), inside))
+    print(f"{part:12} {how:22}", *cells, flush=True)
+
+
+def along_tracks(scene, sds, tracks, random):
+    """Pixels of laser spots: one for each coarse pixel's length along slanted tracks from the upper edge to the lower."""
+    rows, cols = scene.dtm.shape
+    step, spots = max(1, round(scene.coarse_px)), []
+    for track in range(tracks):
+        row = np.arange(random.integers(step), rows, step)
+        col = np.round((track + random.random()) * cols / tracks + 0.15 * (2 * random.random() - 1) * (row - rows / 2)).astype(int)
+        inside = (0 <= col) & (col < cols)
+        spots.append((row[inside], col[inside]))
+    row, col = np.concatenate(spots, 1)
+    valid = np.isfinite((scene.dtm - scene.truth + sds)[row, col])
+    return row[valid], col[valid]
+
+
+def sigma(out):
+    print("list, sigma of the coarse DTM; heights within 1 and 1.96 sd: mean (least, most), scenes in range")
+    for part in ("real", "real-erring", "suite"):
+        of = {}
+        for name in names(out, part):
+            scene = Scene(out, part, name, out / "sure" / part / f"{name}.tif")
+            sds, _, tags = read(out / "sure" / part / f"{name}_e.tif")
+            from_image = np.maximum(sds**2 - float(tags["COARSE_SIGMA_M"]) ** 2, 0)
+            errors = scene.dtm - scene.truth
+            of.setdefault("assumed", []).append(shares(errors, sds))
+            if part != "suite":
+                told = ERRING_SIGMA_PX * scene.coarse_m if part == "real-erring" else 1e-6
+                of.setdefault("told", []).append(shares(errors, np.sqrt(from_image + told**2)))
+            for tracks in TRACKS:
+                for draw in range(DRAWS):
+                    at = along_tracks(scene, sds, tracks, np.random.default_rng([zlib.crc32(name.encode()), tracks, draw]))
+                    if not at[0].size:
+                        continue
+                    # The smooth error that explains what the image's part leaves of the mean square.
+                    more = max(0.0, np.mean(errors[at] ** 2) - np.mean(from_image[at]))
+                    of.setdefault(f"from {tracks} tracks", []).append(shares(errors, np.sqrt(from_image + more + 1e-12)))
+        for how, one in of.items():
+            report(part, how, np.array(one))
+
+
+def ceiling():
+    """Errors drawn as for `real-erring`."""
+    script = (pathlib.Path(__file__).parent / "external.py").read_text().rsplit("\nmain()", 1)[0]
+    external = {}
+    exec(compile(script, "external.py", "exec"), external)
+    print("coarse pixels, what is known of the error; within 1 and 1.96 sd")
+    for shape in ((6, 6), (10, 10), (12, 12), (14, 15), (25, 10)):
+        maps = np.array([external["sldem_errors"](np.array(shape), np.random.default_rng(1000 + seed)) for seed in range(400)])
+        for how, sds in (("sd of all maps", np.sqrt(np.mean(maps**2))), ("rms of each map", np.sqrt(np.mean(maps**2, (1, 2), keepdims=True)))):
+            report(f"{shape[0]} x {shape[1]}", how, np.array([shares(*pair) for pair in zip(maps, np.broadcast_to(sds, maps.shape))]))
+
+
+def main():
+    if len(sys.argv) != 3 or sys.argv[2] not in ("anchor", "sigma", "ceiling"):
+        sys.exit(__doc__)
+    out = pathlib.Path(sys.argv[1])
+    ceiling() if sys.argv[2] == "ceiling" else {"anchor": anchor, "sigma": sigma}[sys.argv[2]](out)
+
+
+main()
