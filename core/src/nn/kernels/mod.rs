@@ -26,8 +26,10 @@ pub(super) mod helium;
 pub(super) mod layer_norm;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 pub(super) mod neon;
-#[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 pub(super) mod neon_dot;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+pub(super) mod neon_i8mm;
 pub(super) mod requantise;
 pub(super) mod scalar;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]
