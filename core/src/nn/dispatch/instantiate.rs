@@ -3,13 +3,13 @@
 
 use super::Kernel;
 use crate::nn::arena::Arena;
+use crate::nn::kernels::Isa;
 #[cfg(test)]
 use crate::nn::kernels::{
     Accumulators,
     requantise::{Requantise, Target},
     softmax::Softmax,
 };
-use crate::nn::kernels::Isa;
 #[cfg(target_arch = "aarch64")]
 use crate::nn::kernels::{neon_dot::NeonDot, neon_i8mm::NeonI8mm};
 #[cfg(target_arch = "x86_64")]

@@ -86,10 +86,7 @@ impl ArmExtensions {
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 pub(super) fn arm(has: ArmExtensions) -> [Option<Kernel>; 2] {
     let dot_products = has.dot_products && cfg!(not(target_feature = "dotprod"));
-    [
-        has.i8_matrices.then_some(super::instantiate::NEON_I8MM),
-        dot_products.then_some(super::instantiate::NEON_DOT),
-    ]
+    [has.i8_matrices.then_some(super::instantiate::NEON_I8MM), dot_products.then_some(super::instantiate::NEON_DOT)]
 }
 
 #[cfg(not(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")))]

@@ -16,8 +16,8 @@
 //! is contiguous in the arena, and `starts` gives the first byte of each row.
 //!
 //! For the other parts ([`requantise`]: rounding; [`layer_norm`]; [`softmax`]) the `portable` body beside each job is the specification.
-//! The compiler turns it into vector instructions: on x86 once per instruction set (`nn/dispatch`), elsewhere for the target. A kernel may
-//! replace any part ([`Isa`]), as AVX-512 does; the bytes are the same.
+//! The compiler turns it into vector instructions: on x86 and AArch64 once per instruction set (`nn/dispatch`), elsewhere for the target. A
+//! kernel may replace any part ([`Isa`]), as AVX-512 does; the bytes are the same.
 
 #[cfg(arm_dsp)]
 pub(super) mod dsp;
