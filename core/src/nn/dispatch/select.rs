@@ -65,6 +65,7 @@ pub(super) fn amx(_: TilesAllowed) -> Option<Kernel> {
 
 /// Extensions of an AArch64 processor beside NEON. Only the operating system can say which there are.
 #[derive(Debug, Clone, Copy)]
+#[allow(dead_code, reason = "other processors read nothing of it")]
 pub struct ArmExtensions {
     dot_products: bool,
     i8_matrices: bool,
