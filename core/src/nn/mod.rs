@@ -50,7 +50,7 @@ mod tensor;
 mod tools;
 
 pub use code::code_sum;
-pub use dispatch::{Kernel, TilesAllowed};
+pub use dispatch::{ArmExtensions, Kernel, TilesAllowed};
 pub use error::RunError;
 pub use file::error::ModelError;
 pub use input::{Illumination, InputRules, TruthRange};

@@ -289,7 +289,9 @@ mod tests {
         save(&gale, "image_1m.tif", (111, 163), 1.0, |r, c| 2000.0 + holed(r, c));
         save(&gale, "truth_dtm_1m.tif", (111, 163), 1.0, holed);
         let cerberus = folder.path().join("real/mars_cerberus_hirise");
-        ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"].map(|f| save(&cerberus, f, (125, 170), 31.25, hill));
+        for file in ["image_scale_guessed.tif", "truth_dtm_scale_guessed.tif"] {
+            save(&cerberus, file, (125, 170), 31.25, hill);
+        }
         let script = concat!(env!("CARGO_MANIFEST_DIR"), "/suites/external.py");
         let script =
             format!("import subprocess, sys\nsubprocess.run([sys.executable, {script:?}, '.', 'lists'], check=True)");

@@ -3,13 +3,17 @@
 
 use super::Kernel;
 use crate::nn::arena::Arena;
+use crate::nn::kernels::Isa;
 #[cfg(test)]
 use crate::nn::kernels::{
     Accumulators,
     requantise::{Requantise, Target},
     softmax::Softmax,
 };
-use crate::nn::kernels::{Isa, x86_amx::Amx, x86_avx_vnni::AvxVnni, x86_avx2::Avx2, x86_avx512::Avx512};
+#[cfg(target_arch = "aarch64")]
+use crate::nn::kernels::{neon_dot::NeonDot, neon_i8mm::NeonI8mm};
+#[cfg(target_arch = "x86_64")]
+use crate::nn::kernels::{x86_amx::Amx, x86_avx_vnni::AvxVnni, x86_avx2::Avx2, x86_avx512::Avx512};
 use crate::nn::ops::{self, Constants, Prepared};
 use crate::nn::sum;
 
@@ -78,18 +82,31 @@ macro_rules! instantiate {
     }};
 }
 
+/// Kernel for AArch64 with dot products.
+#[cfg(target_arch = "aarch64")]
+pub(super) const NEON_DOT: Kernel = instantiate!(NeonDot, "neon,dotprod");
+
+/// Kernel for AArch64 with matrices of i8.
+#[cfg(target_arch = "aarch64")]
+pub(super) const NEON_I8MM: Kernel = instantiate!(NeonI8mm, "neon,i8mm");
+
 /// Kernel for AVX2.
+#[cfg(target_arch = "x86_64")]
 pub(super) const AVX2: Kernel = instantiate!(Avx2, "avx2");
 
 /// Kernel for AVX-VNNI.
+#[cfg(target_arch = "x86_64")]
 pub(super) const AVX_VNNI: Kernel = instantiate!(AvxVnni, "avx2,avxvnni");
 
 /// Kernel for AVX-512 VNNI.
+#[cfg(target_arch = "x86_64")]
 pub(super) const AVX512: Kernel = instantiate!(Avx512<false>, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni");
 
 /// Kernel for AVX-512 VNNI and VBMI.
+#[cfg(target_arch = "x86_64")]
 pub(super) const AVX512_VBMI: Kernel =
     instantiate!(Avx512<true>, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi");
 
 /// Kernel for AMX with 8-bit integers. The operating system must allow tiles, too.
+#[cfg(target_arch = "x86_64")]
 pub(super) const AMX: Kernel = instantiate!(Amx, "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni,avx512vbmi");

@@ -1,10 +1,10 @@
 //! The operators, compiled for an instruction set. Only this module asks the processor which of these kernels it runs.
 
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")))]
 mod instantiate;
 mod select;
 
-pub use select::TilesAllowed;
+pub use select::{ArmExtensions, TilesAllowed};
 
 use super::arena::Arena;
 #[cfg(test)]
@@ -59,6 +59,12 @@ impl Kernel {
     /// allows.
     pub fn amx(allowed: TilesAllowed) -> Option<Self> {
         select::amx(allowed)
+    }
+
+    /// Returns the kernels for what an AArch64 processor has beside what the binary is compiled for, fastest first; faster than all of
+    /// [`Self::available`].
+    pub fn arm(has: ArmExtensions) -> impl Iterator<Item = Self> {
+        select::arm(has).into_iter().flatten()
     }
 
     /// Returns the kernels that this processor runs without a word of the operating system, fastest first; the last is always

@@ -63,6 +63,38 @@ pub(super) fn amx(_: TilesAllowed) -> Option<Kernel> {
     kernel
 }
 
+/// Extensions of an AArch64 processor beside NEON. Only the operating system can say which there are.
+#[derive(Debug, Clone, Copy)]
+#[allow(dead_code, reason = "other processors read nothing of it")]
+pub struct ArmExtensions {
+    dot_products: bool,
+    i8_matrices: bool,
+}
+
+impl ArmExtensions {
+    /// States that the processor has dot products (`FEAT_DotProd`) and products of matrices of i8 (`FEAT_I8MM`). On other processors the
+    /// statement means nothing.
+    ///
+    /// # Safety
+    /// An AArch64 processor has what is stated. Otherwise the kernels' instructions end the process.
+    #[allow(unsafe_code)]
+    pub const unsafe fn state(dot_products: bool, i8_matrices: bool) -> Self {
+        Self { dot_products, i8_matrices }
+    }
+}
+
+/// Returns the kernels for extensions that the binary is not compiled for, fastest first.
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+pub(super) fn arm(has: ArmExtensions) -> [Option<Kernel>; 2] {
+    let dot_products = has.dot_products && cfg!(not(target_feature = "dotprod"));
+    [has.i8_matrices.then_some(super::instantiate::NEON_I8MM), dot_products.then_some(super::instantiate::NEON_DOT)]
+}
+
+#[cfg(not(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little")))]
+pub(super) fn arm(_: ArmExtensions) -> [Option<Kernel>; 2] {
+    [None; 2]
+}
+
 /// Features of the processor whose registers the operating system saves on a task switch.
 #[cfg(target_arch = "x86_64")]
 struct Features {

@@ -211,6 +211,7 @@ fn names_follow_the_rule_and_the_scalar_kernel_is_last() {
     let names: Vec<&str> = Kernel::available().map(|kernel| kernel.name()).collect();
     assert_eq!(names.last(), Some(&Kernel::SCALAR.name()));
     assert_eq!(Some(&Kernel::best().name()), names.first());
+    let names: Vec<&str> = all_kernels().iter().map(Kernel::name).collect();
     for (i, name) in names.iter().enumerate() {
         let parts: Vec<&str> = name.split('-').collect();
         let word = |part: &str| !part.is_empty() && part.chars().all(|c| c.is_ascii_lowercase() || c.is_ascii_digit());
@@ -225,6 +226,13 @@ fn every_kernel_the_processor_has_is_offered() {
     {
         let offered = Kernel::available().any(|kernel| kernel.name().starts_with("simd128-"));
         assert_eq!(offered, cfg!(target_feature = "simd128"));
+    }
+    #[cfg(target_arch = "aarch64")]
+    {
+        let offered = |isa: &str| all_kernels().iter().any(|kernel| kernel.name().starts_with(isa));
+        assert!(offered("neon-") || offered("neondot-"));
+        assert_eq!(offered("neondot-"), std::arch::is_aarch64_feature_detected!("dotprod"));
+        assert_eq!(offered("neoni8mm-"), std::arch::is_aarch64_feature_detected!("i8mm"));
     }
     #[cfg(target_arch = "x86_64")]
     {

@@ -16,8 +16,8 @@
 //! is contiguous in the arena, and `starts` gives the first byte of each row.
 //!
 //! For the other parts ([`requantise`]: rounding; [`layer_norm`]; [`softmax`]) the `portable` body beside each job is the specification.
-//! The compiler turns it into vector instructions: on x86 once per instruction set (`nn/dispatch`), elsewhere for the target. A kernel may
-//! replace any part ([`Isa`]), as AVX-512 does; the bytes are the same.
+//! The compiler turns it into vector instructions: on x86 and AArch64 once per instruction set (`nn/dispatch`), elsewhere for the target. A
+//! kernel may replace any part ([`Isa`]), as AVX-512 does; the bytes are the same.
 
 #[cfg(arm_dsp)]
 pub(super) mod dsp;
@@ -26,8 +26,10 @@ pub(super) mod helium;
 pub(super) mod layer_norm;
 #[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 pub(super) mod neon;
-#[cfg(all(target_arch = "aarch64", target_feature = "dotprod", target_endian = "little"))]
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
 pub(super) mod neon_dot;
+#[cfg(all(target_arch = "aarch64", target_feature = "neon", target_endian = "little"))]
+pub(super) mod neon_i8mm;
 pub(super) mod requantise;
 pub(super) mod scalar;
 #[cfg(all(target_arch = "wasm32", target_feature = "simd128"))]

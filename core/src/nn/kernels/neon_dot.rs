@@ -25,18 +25,23 @@ impl Isa for NeonDot {
 
     #[inline(always)]
     fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
-        product(acc, pixels, patch, weights, width);
+        // SAFETY: the processor has the instructions (see `nn/dispatch`).
+        unsafe { product(acc, pixels, patch, weights, width) }
     }
 }
 
 /// Not inlined, because the convolutions and the attention use the same code.
+///
+/// # Safety
+/// The processor has the dot-product extension.
 #[inline(never)]
-fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+#[target_feature(enable = "neon,dotprod")]
+unsafe fn product(acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
     if !patch.fits(pixels, weights, width) {
         return;
     }
     let at = acc.as_mut_ptr();
-    // SAFETY: the target has the instructions, and `fits` has bounded every read and write.
+    // SAFETY: the processor has the instructions, and `fits` has bounded every read and write.
     unsafe {
         let excess = excess(patch, weights, width);
         blocks(width, width.clamp(8, 16), pixels, |channel, first, left| {

@@ -1,11 +1,14 @@
-/* A QEMU TCG plugin that counts the guest's instructions between two places of the program.
+/* A QEMU TCG plugin that counts the guest's instructions between two places of the program, or of all of it.
  *
  *   cc -O2 -shared -fPIC -DAPI=1 -o instructions.so instructions.c
  *   qemu-system-... -plugin ./instructions.so,start=0x1234,stop=0x5678,out=counts.txt
  *
+ *   qemu-aarch64 -plugin ./instructions.so,out=count.txt PROGRAM
+ *
  * start, stop: addresses of functions. Whenever the second is entered, a line with the number of instructions executed since
- * the first was entered is written to `out`. The count is the sum of the lengths of executed translated blocks, so a block that
- * a trap leaves early counts whole (on SPARC: some instructions per spilled register window). Only the running processor is counted.
+ * the first was entered is written to `out`; without both, one line at the end of the program. The count is the sum of the
+ * lengths of executed translated blocks, so a block that a trap leaves early counts whole (on SPARC: some instructions per
+ * spilled register window). Only the running processor is counted.
  *
  * API is QEMU's plugin interface version: 1 up to QEMU 8, 2 from QEMU 9. Only functions that are the same in both are used. They
  * are declared here, because not every distribution packages the header. */
@@ -68,6 +71,8 @@ static void finish(plugin_id id, void *unused)
 {
     (void)id;
     (void)unused;
+    if (!start_address)
+        fprintf(out, "%" PRIu64 "\n", count);
     fclose(out);
 }
 
@@ -82,8 +87,8 @@ EXPORT int qemu_plugin_install(plugin_id id, const void *info, int argc, char **
         else if (!strncmp(argv[i], "out=", 4) && !out)
             out = fopen(argv[i] + 4, "w");
     }
-    if (!start_address || !stop_address || !out) {
-        fprintf(stderr, "ERROR: expected start=ADDRESS,stop=ADDRESS,out=FILE\n");
+    if (!start_address != !stop_address || !out) {
+        fprintf(stderr, "ERROR: expected [start=ADDRESS,stop=ADDRESS,]out=FILE\n");
         return 1;
     }
     qemu_plugin_register_vcpu_tb_trans_cb(id, translated);
