@@ -7,7 +7,7 @@
 #   ELUNAR_SEED=N        programs and schedules from this seed on; programs need another folder then
 #   ELUNAR_JOBS=train,export    commands of kills, races, foreign
 #   ELUNAR_PART=2/5      a part of the programs of miri
-#   ELUNAR_CAMPAIGNS=DIR                    where progress, logs and findings are (default: tests/campaigns/out)
+#   ELUNAR_CAMPAIGNS=DIR                    where progress, logs, findings and corpora are (default: tests/campaigns/out)
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 

@@ -75,7 +75,10 @@ mod tests {
                 let (mut scrub, mut passes, mut faults) = (Scrub::default(), 0, 0);
                 for _ in 0..200 {
                     match scrub.advance(&raw, piece) {
-                        Ok((_, pass)) => passes += pass as usize,
+                        Ok((done, pass)) => {
+                            assert!(done <= piece, "{done} bytes read, at most {piece} asked for");
+                            passes += pass as usize;
+                        }
                         Err(chunk) => {
                             assert_eq!(chunk, wrong as u32);
                             faults += 1;

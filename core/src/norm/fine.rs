@@ -179,14 +179,17 @@ mod tests {
 
     #[test]
     fn columns_side_by_side_have_the_same_bits() {
-        let heights: Vec<f32> = (0..37 * 29).map(|i| ((i * 7919) % 613) as f32 * 0.37).collect();
-        let (coarse, waves) = (vec![40.0; heights.len()], FineWaves { kept: [0.3, 0.7] });
-        let made = |len: usize| {
-            let (mut out, mut added, mut line) = (heights.clone(), vec![0.0; heights.len()], vec![0.0; len]);
-            waves.apply(&mut out, &coarse, 29, &mut added, &mut line).unwrap();
-            out.into_iter().map(f32::to_bits).collect::<Vec<_>>()
-        };
-        assert_eq!(made(37), made(COLUMNS * 37));
+        // The second map has fewer columns than are smoothed side by side.
+        for (rows, cols) in [(37, 29), (37, 5)] {
+            let heights: Vec<f32> = (0..rows * cols).map(|i| ((i * 7919) % 613) as f32 * 0.37).collect();
+            let (coarse, waves) = (vec![40.0; heights.len()], FineWaves { kept: [0.3, 0.7] });
+            let made = |len: usize| {
+                let (mut out, mut added, mut line) = (heights.clone(), vec![0.0; heights.len()], vec![0.0; len]);
+                waves.apply(&mut out, &coarse, cols, &mut added, &mut line).unwrap();
+                out.into_iter().map(f32::to_bits).collect::<Vec<_>>()
+            };
+            assert_eq!(made(rows), made(COLUMNS * rows));
+        }
     }
 
     #[test]

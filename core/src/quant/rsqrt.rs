@@ -72,6 +72,15 @@ mod tests {
         }
     }
 
+    /// Newton's iteration hides a guess that is a little worse, and then has fewer correct bits for some values.
+    #[test]
+    fn guesses_are_the_roots_rounded_down() {
+        for (i, &guess) in GUESSES.iter().enumerate() {
+            let x = (i as f64 + 32.5) / 128.0;
+            assert_eq!(guess as f64, (256.0 / x.sqrt()).floor(), "{x}");
+        }
+    }
+
     proptest! {
         #![proptest_config(ProptestConfig::with_cases(5000))]
         #[test]

@@ -70,6 +70,27 @@ impl SunVector {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The textbook's form of the same cosine, by slope and aspect (Horn 1981, Eq. 16): no vectors.
+        #[test]
+        fn shades_are_those_of_slope_and_aspect(
+            slope_deg in 0.0f64..80.0, aspect_deg in 0.0f64..360.0, azimuth_deg in 0.0f64..360.0, elevation_deg in 0.0f64..=90.0,
+            exaggeration in 0.5f64..4.0,
+        ) {
+            let [slope, aspect, azimuth, elevation] = [slope_deg, aspect_deg, azimuth_deg, elevation_deg].map(f64::to_radians);
+            // Ground faces where it falls to.
+            let fall = libm::tan(slope);
+            let gradient = (-fall * libm::sin(aspect), fall * libm::cos(aspect));
+            let found = SunVector::of(Sun { azimuth_deg, elevation_deg, exaggeration }).shade(gradient);
+            let slope = libm::atan(exaggeration * fall);
+            let towards = libm::cos(azimuth - aspect);
+            let cosine = libm::sin(elevation) * libm::cos(slope) + libm::cos(elevation) * libm::sin(slope) * towards;
+            let expected = 1.0 + 254.0 * cosine.max(0.0);
+            prop_assert!((f64::from(found) - expected).abs() <= 0.5001, "{found} {expected}");
+        }
+    }
 
     #[test]
     fn flat_ground_shows_the_sine_of_the_suns_elevation() {

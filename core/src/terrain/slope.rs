@@ -41,6 +41,20 @@ pub(crate) fn from_gradient_deg((east, south): (f64, f64)) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        /// The angle between the vertical and the product of two vectors in the surface.
+        #[test]
+        fn the_slope_is_the_tilt_of_the_normal(east in -3.0f64..3.0, south in -3.0f64..3.0) {
+            // A step to the east and one to the north, with what they rise.
+            let (a, b) = ([1.0, 0.0, east], [0.0, 1.0, -south]);
+            let normal = [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+            let level = libm::hypot(normal[0], normal[1]);
+            let expected = libm::atan2(level, normal[2]).to_degrees();
+            prop_assert!((from_gradient_deg((east, south)) - expected).abs() < 1e-9);
+        }
+    }
 
     #[test]
     fn non_square_pixels_and_voids() {

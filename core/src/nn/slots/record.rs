@@ -120,3 +120,21 @@ impl SlotRecord {
         (record.encode() == *bytes).then_some(record)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_record_is_read_as_it_was_written() {
+        let entry = |slot, file_bytes| SlotEntry { slot, id: ModelId { file_bytes, header_crc: !file_bytes } };
+        // No mission counts that far, but a number that was cut would make the newer record the older one.
+        for sequence in [0, u64::from(u32::MAX), 0x1234_5678_9abc_def0] {
+            let trial = Some(Trial { entry: entry(Slot::B, 77_000), boots_left: 3 });
+            let whole = SlotRecord { sequence, confirmed: Some(entry(Slot::A, 5_000)), trial, rollbacks: 9 };
+            for record in [whole, SlotRecord { trial: None, ..whole }, SlotRecord { confirmed: None, ..whole }] {
+                assert_eq!(SlotRecord::decode(&record.encode()), Some(record));
+            }
+        }
+    }
+}

@@ -468,6 +468,23 @@ fn places_and_sizes_of_tensors_are_validated() {
     }
 }
 
+/// A limit may be reached, here by a map that no operator uses.
+#[test]
+fn the_largest_places_and_sizes_are_legal() {
+    for change in [
+        (|t| t.offset = 1 << 30) as fn(&mut Tensor),
+        // 2^28 samples, and 2^30 bytes of rows.
+        |t| (t.rows, t.cols, t.pitch, t.ring) = (MAX_EXTENT, MAX_EXTENT, MAX_EXTENT, 1),
+        |t| (t.rows, t.channels, t.pitch, t.ring) = (MAX_EXTENT, MAX_EXTENT / 4, 1 << 16, MAX_EXTENT),
+    ] {
+        let mut draft = draft_of_output();
+        let mut t = Tensor { hi: 255, pitch: 4, ..Tensor::new(Dtype::U8, SIZE, 1) };
+        change(&mut t);
+        draft.tensors.push(t);
+        assert_eq!(Model::new(&draft.file()).map(|_| ()), Ok(()), "{t:?}");
+    }
+}
+
 #[test]
 fn checksums_of_rows_are_counted_in_the_order_of_tensors() {
     let mut file = draft_of_output().file();

@@ -317,3 +317,23 @@ impl<S: Samples, const COLUMNS: usize, const APART: usize> Iterator for CellColu
         Some(row)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_pixel_is_dark_below_the_limit_and_where_none_is_valid_is_no_shadow() {
+        let cell = |left: f32, others: f32| {
+            let image: [f32; 8 * 8] = core::array::from_fn(|i| if i % 8 == 1 { left } else { others });
+            let pixel = PixelSize::square(1.0);
+            let maps =
+                Rectangle { image: &image[..], coarse_m: &[0.0; 8 * 8], cols: 8, pixel, half: 1, dark_below: 0.5 };
+            let half = maps.half(1, 2, true);
+            (half.lit[0], half.dark[0], maps.cell(&[half; 4]).is_some())
+        };
+        assert_eq!(cell(0.5, 0.5), (true, false, true));
+        assert_eq!(cell(0.499, 0.5), (false, true, false));
+        assert_eq!(cell(f32::NAN, 0.5), (false, false, true));
+    }
+}

@@ -311,6 +311,15 @@ fn the_axis_turns_an_unsure_fit_and_leaves_its_end() {
     assert_eq!((all.azimuth_sd_deg, all.trust), (0.0, 1.0));
 }
 
+#[test]
+fn the_contrast_of_ground_without_albedo_implies_the_lights_own_strength() {
+    let (image, heights) = scene(Light::of(250.0, 0.3).unwrap(), 1.0);
+    let axis = Axis { azimuth_deg: 70.0, sd_deg: 6.0 };
+    let told = fit(&image, &coarse(&heights)).with_axis(Some(axis)).estimate(Some(250.0), None).unwrap();
+    // It is drawn to the expected strength, which is six times as high, by less than that.
+    assert!((f64::from(told.light.strength()) / 0.3).ln().abs() < 0.15, "{told:?}");
+}
+
 /// The fit of a mirrored or transposed scene is the mirrored or transposed fit, whatever remains at the edges.
 #[test]
 fn a_mirrored_scene_has_the_mirrored_light() {
