@@ -119,6 +119,7 @@ fn constants_of_an_attention_are_validated() {
     ] {
         assert_eq!(attention(change), Some(OperatorFault::Constants));
     }
+    assert_eq!(attention(|a, d| a.position_bias = end(d) - 36), None, "the last constants");
     let beyond = ((1u32 << 30) + 1).to_le_bytes();
     assert_eq!(
         attention(|a, d| d.constants[a.multipliers + 4..a.multipliers + 8].copy_from_slice(&beyond)),
@@ -473,6 +474,8 @@ fn places_and_sizes_of_tensors_are_validated() {
 fn the_largest_places_and_sizes_are_legal() {
     for change in [
         (|t| t.offset = 1 << 30) as fn(&mut Tensor),
+        // A margin counts as a share of the columns.
+        |t| (t.rows, t.cols, t.pitch, t.ring, t.margin) = (MAX_EXTENT, MAX_EXTENT / 2, MAX_EXTENT, 1, 1),
         // 2^28 samples, and 2^30 bytes of rows.
         |t| (t.rows, t.cols, t.pitch, t.ring) = (MAX_EXTENT, MAX_EXTENT, MAX_EXTENT, 1),
         |t| (t.rows, t.channels, t.pitch, t.ring) = (MAX_EXTENT, MAX_EXTENT / 4, 1 << 16, MAX_EXTENT),
