@@ -329,8 +329,9 @@ mod tests {
             let pixel = PixelSize::square(1.0);
             let maps =
                 Rectangle { image: &image[..], coarse_m: &[0.0; 8 * 8], cols: 8, pixel, half: 1, dark_below: 0.5 };
-            let half = maps.half(1, 2, true);
-            (half.lit[0], half.dark[0], maps.cell(&[half; 4]).is_some())
+            let squares = [1, 2, 3, 4].map(|left| maps.square(1, left, true));
+            let half = HalfCell::of(&squares, 1.0);
+            (squares[0].lit, squares[0].dark, maps.cell(&[half; 4]).is_some())
         };
         assert_eq!(cell(0.5, 0.5), (true, false, true));
         assert_eq!(cell(0.499, 0.5), (false, true, false));
