@@ -49,7 +49,7 @@ fn kept_floor(value: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
     // has vectors: beside 1.5 * 2^23 a float has no fraction, and its low bits are the whole number.
     const LIMIT: f32 = (1 << 22) as f32;
     const WHOLE: f32 = 1.5 * (1 << 23) as f32;
-    let value = if value.is_nan() { 0.0 } else { value.max(-LIMIT).min(LIMIT) };
+    let value = if value.is_nan() { 0.0 } else { value.clamp(-LIMIT, LIMIT) };
     let near = (value + WHOLE) - WHOLE;
     let code = near - if near > value { 1.0 } else { 0.0 } + zero as f32;
     let kept = code.max(lo as f32).min(hi as f32);
