@@ -194,7 +194,7 @@ impl TileJob {
             part.add_to(&mut self.fit, &self.brightness, self.unit as usize);
         }
         self.next(columns, Pass::Axis);
-        (self.tile.rows * (4600 + 190 * cell_px)) as u64
+        (self.tile.rows * (6800 + 190 * cell_px)) as u64
     }
 
     /// Measures the contrast of the image alone, which shows the line along which the Sun shines; `None` if it is measured, or there is none.

@@ -5,7 +5,7 @@
 //! of squares: few where memory is small, many where reading each pixel once is worth more.
 
 use crate::mask::is_real;
-use crate::part::{copy, head_mut, item, part};
+use crate::part::{head_mut, item, part};
 use crate::samples::Samples;
 use crate::terrain::PixelSize;
 
@@ -193,38 +193,33 @@ impl<S: Samples> Rectangle<'_, S> {
 
     /// Returns what a square's row shows of the image.
     fn row(&self, from: usize) -> Row {
-        let (mut sums, mut by_col) = ([0.0f32; LANES], [0.0f32; LANES]);
-        let (mut invalid, mut lit, mut dark) = ([0u32; LANES], [false; LANES], [false; LANES]);
-        let mut add = |first: usize, values: &[f32; LANES]| {
-            for lane in 0..LANES {
-                let (v, from_left) = (values[lane], first as f32 + (lane as f32 + 0.5));
-                let (is_real, is_dark) = (is_real(v), v < self.dark_below);
-                let value = if is_real { v } else { 0.0 };
-                sums[lane] += value;
-                by_col[lane] += from_left * value;
-                invalid[lane] += u32::from(!is_real);
-                lit[lane] |= is_real & !is_dark;
-                dark[lane] |= is_real & is_dark;
-            }
+        let (mut sums, mut by_col, mut invalid, mut dark) = ([0.0f32; LANES], [0.0f32; LANES], 0u32, 0u32);
+        let mut add = |first: usize, lane: usize, v: f32| {
+            let is_real = is_real(v);
+            let value = if is_real { v } else { 0.0 };
+            sums[lane] += value;
+            by_col[lane] += (first as f32 + (lane as f32 + 0.5)) * value;
+            invalid += u32::from(!is_real);
+            dark += u32::from(is_real & (v < self.dark_below));
         };
-        let (mut room, mut beyond) = ([0.0; TOGETHER], 0);
+        let mut room = [0.0; TOGETHER];
         for first in (0..self.half).step_by(TOGETHER) {
             let room = head_mut(&mut room, TOGETHER.min(self.half - first));
             let (whole, rest) = self.image.line(from + first, room).as_chunks::<LANES>();
-            whole.iter().zip((first..).step_by(LANES)).for_each(|(values, first)| add(first, values));
-            if !rest.is_empty() {
-                let mut values = [f32::NAN; LANES];
-                copy(head_mut(&mut values, rest.len()), rest);
-                add(first + whole.len() * LANES, &values);
-                beyond += (LANES - rest.len()) as u32;
+            for (values, first) in whole.iter().zip((first..).step_by(LANES)) {
+                (0..LANES).for_each(|lane| add(first, lane, values[lane]));
             }
+            let first = first + whole.len() * LANES;
+            // Small cells have no more, so half of the lanes are tried together.
+            let (four, last) = rest.as_chunks::<{ LANES / 2 }>();
+            four.iter().for_each(|values| (0..LANES / 2).for_each(|lane| add(first, lane, values[lane])));
+            last.iter().zip(four.len() * LANES / 2..).for_each(|(v, lane)| add(first, lane & (LANES - 1), *v));
         }
-        let invalid = invalid.into_iter().sum::<u32>() - beyond;
         // All weights are exact.
         let width = self.half as f32;
         let weight = if invalid == 0 { [width, 0.5 * width * width] } else { self.weights(from) };
-        let any = |of_lanes: [bool; LANES]| of_lanes.into_iter().any(|v| v);
-        Row { bright: [total(sums), total(by_col)], weight, invalid, lit: any(lit), dark: any(dark) }
+        let lit = invalid + dark < self.half as u32;
+        Row { bright: [total(sums), total(by_col)], weight, invalid, lit, dark: dark > 0 }
     }
 
     /// Returns the number of a row's valid pixels, and the sum of their distances from the left.
