@@ -4,7 +4,7 @@
     python3 benches/memory.py PROGRAM FOLDER [--sizes 512x512,2048x2048,3400x14920,10000x10000] [--model nano] [--threads 1]
 
 PROGRAM is elunar or host-train. Sizes are samples x lines. FOLDER keeps the scenes (`strip.py`) and gets memory.csv, a row per command and size: peak of
-resident memory, MiB, and seconds (for orientation). A command that fails has the reason in place of its memory. A row that is there already is not
+resident memory, MiB. A command that fails has the reason in place of its memory. A row that is there already is not
 measured again. Needs what strip.py needs.
 """
 import argparse
@@ -46,7 +46,7 @@ def commands(model, threads):
 
 
 def measure(program, words, folder, limit_s):
-    """Runs a command; returns its peak of resident memory in MiB, or why there is none, and its seconds."""
+    """Runs a command; returns its peak of resident memory in MiB, or why there is none."""
     began = time.monotonic()
     with (folder / "said.txt").open("w+") as said:
         child = subprocess.Popen([program, *map(str, words)], cwd=folder, stdout=subprocess.DEVNULL, stderr=said)
@@ -62,10 +62,10 @@ def measure(program, words, folder, limit_s):
         said.seek(0)
         error = [line for line in said.read().splitlines() if line.startswith("ERROR:")]
     if seconds > limit_s:
-        return f"not done after {limit_s:.0f} s", seconds
+        return f"not done after {limit_s:.0f} s"
     if child.returncode:
-        return error[-1] if error else f"exit status {child.returncode}", seconds
-    return f"{usage.ru_maxrss / 1024:.0f}", seconds
+        return error[-1] if error else f"exit status {child.returncode}"
+    return f"{usage.ru_maxrss / 1024:.0f}"
 
 
 def main():
@@ -89,11 +89,11 @@ def main():
         for name, words in commands(a.model, a.threads).items():
             if any((row["command"], row["size"]) == (name, size) for row in rows):
                 continue
-            peak, seconds = measure(a.program, words, scene, a.limit_s)
-            rows.append(dict(command=name, size=size, peak_mib=peak, seconds=f"{seconds:.1f}"))
+            peak = measure(a.program, words, scene, a.limit_s)
+            rows.append(dict(command=name, size=size, peak_mib=peak))
             print(*rows[-1].values(), sep=", ", flush=True)
             with table.open("w") as file:
-                writer = csv.DictWriter(file, ["command", "size", "peak_mib", "seconds"], lineterminator="\n")
+                writer = csv.DictWriter(file, ["command", "size", "peak_mib"], lineterminator="\n")
                 writer.writeheader()
                 writer.writerows(rows)
 

@@ -16,6 +16,7 @@ import zlib
 
 import numpy as np
 import rasterio
+from external import sldem_errors
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
 
 LISTS = "real", "real-erring", "apollo15", "independent", "stereolunar", "suite"
@@ -165,12 +166,9 @@ def sigma(out):
 
 def ceiling():
     """Errors drawn as for `real-erring`."""
-    script = (pathlib.Path(__file__).parent / "external.py").read_text().rsplit("\nmain()", 1)[0]
-    external = {}
-    exec(compile(script, "external.py", "exec"), external)
     print("coarse pixels, what is known of the error; within 1 and 1.96 sd")
     for shape in ((6, 6), (10, 10), (12, 12), (14, 15), (25, 10)):
-        maps = np.array([external["sldem_errors"](np.array(shape), np.random.default_rng(1000 + seed)) for seed in range(400)])
+        maps = np.array([sldem_errors(np.array(shape), np.random.default_rng(1000 + seed)) for seed in range(400)])
         for how, sds in (("sd of all maps", np.sqrt(np.mean(maps**2))), ("rms of each map", np.sqrt(np.mean(maps**2, (1, 2), keepdims=True)))):
             report(f"{shape[0]} x {shape[1]}", how, np.array([shares(*pair) for pair in zip(maps, np.broadcast_to(sds, maps.shape))]))
 

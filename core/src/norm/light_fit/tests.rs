@@ -456,6 +456,10 @@ fn the_sums_of_many_columns_are_those_of_one_after_the_other() {
         (0..part.columns()).for_each(|column| part.add_to(&mut single, &brightness, column));
         part.add_all(&mut all, &brightness);
         assert_eq!(single, all, "{cell_px} {cols}");
+        for behind in [part.columns() + 8, usize::MAX] {
+            part.add_to(&mut single, &brightness, behind);
+        }
+        assert_eq!(single, all, "columns that do not exist");
         assert!(all.cells > 0.0);
     }
 }

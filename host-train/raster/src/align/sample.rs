@@ -40,9 +40,9 @@ impl Sampler {
     }
 
     /// Interpolates where each of `rows` crosses each of `cols`; `out` has a line for each row.
-    pub(super) fn lattice(&self, rows: &[f64], cols: &[f64], out: &mut [f32]) {
+    pub(super) fn crossings(&self, rows: &[f64], cols: &[f64], out: &mut [f32]) {
         if let Self::Bicubic(padded) = self {
-            return padded.lattice(rows, cols, out);
+            return padded.crossings(rows, cols, out);
         }
         out.par_chunks_mut(cols.len().max(1)).zip(rows).for_each(|(line, &r)| {
             line.iter_mut().zip(cols).for_each(|(value, &c)| *value = self.at(r, c));

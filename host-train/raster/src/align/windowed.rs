@@ -155,7 +155,7 @@ impl AlignPlan {
     fn fill_straight(&self, source: &dyn Source, rows: &[f64], cols: &[f64], lines: &mut [f32]) -> Result<()> {
         let mut first: Vec<(f64, f64)> = cols.iter().map(|&c| (rows[0], c)).collect();
         self.unwind(&mut first);
-        // The extent of a lattice is that of a row and a column that lie on the grid.
+        // The extent of all crossings is that of a row and a column that lie on the grid.
         let inside = |at: &(f64, f64)| self.inside(*at);
         let row = rows.iter().find_map(|&r| first.iter().map(|&(_, c)| (r, c)).find(inside));
         let Some((r, c)) = row else { return Ok(()) };
@@ -165,7 +165,7 @@ impl AlignPlan {
         let sampler = Sampler::new(self.cut(source, piece)?, self.interpolation);
         let rows: Vec<f64> = rows.iter().map(|r| r - row0).collect();
         let cols: Vec<f64> = first.iter().map(|(_, c)| c - col0).collect();
-        sampler.lattice(&rows, &cols, lines);
+        sampler.crossings(&rows, &cols, lines);
         Ok(())
     }
 
