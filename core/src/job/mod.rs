@@ -73,7 +73,7 @@ pub struct TileRules {
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// Whether the long waves are the coarse DTM's ([`crate::norm::Anchor`]), and of the short ones is kept what the image shows
+    /// Whether the long waves are drawn to the coarse DTM's ([`crate::norm::Anchor`]), and of the short ones is kept what the image shows
     /// ([`FineWaves`]; our choice). Otherwise they are the network's (the paper).
     pub anchor: bool,
     /// Whether the processor may err: the network's products are compared with sums found in a second way ([`Runner::check_products`]), and the

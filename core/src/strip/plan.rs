@@ -26,7 +26,7 @@ pub struct StripSettings {
     pub pixel_m: f32,
     /// Side of a pixel of the coarse DTM on its own grid, in pixels of the image.
     pub coarse_px: f32,
-    /// Whether each tile takes the long waves from the coarse DTM ([`crate::norm::Anchor`]), and keeps of short ones what the image shows
+    /// Whether each tile's long waves are drawn to the coarse DTM's ([`crate::norm::Anchor`]), and keeps of short ones what the image shows
     /// ([`crate::norm::FineWaves`]).
     pub anchor: bool,
     /// Whether the processor may err ([`TileRules::checked`]).

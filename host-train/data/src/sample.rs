@@ -39,7 +39,7 @@ impl RawTile {
     pub fn anchored(mut self) -> Result<Self> {
         let (mut difference, mut sums) =
             (vec![0.0; self.truth_m.len()], vec![0.0; Anchor::sums_len(self.rows, self.cols)]);
-        Anchor::new(self.coarse_px)
+        Anchor::whole(self.coarse_px)
             .apply(&mut self.truth_m, &self.coarse_m, self.cols, &mut difference, &mut sums)
             .map_err(|e| Error::input(format!("tile: {e}")))?;
         Ok(self)

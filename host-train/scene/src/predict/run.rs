@@ -22,7 +22,7 @@ use std::sync::{Arc, Mutex};
 pub struct PredictOptions {
     /// Overlap of neighbouring tiles, pixels; less than either side of a tile. See [`PredictOptions::overlap_for`].
     pub overlap_px: usize,
-    /// Whether each tile keeps the low frequencies of the coarse DTM ([`elunar_core::norm::Anchor`]), and of its short waves what the image
+    /// Whether each tile's long waves are drawn to the coarse DTM's ([`elunar_core::norm::Anchor`]), and of its short waves what the image
     /// shows ([`elunar_core::norm::FineWaves`]); our choice. Otherwise they come from the network (the paper).
     pub anchor: bool,
     /// Number of threads; 0 takes as many as the machine offers.
