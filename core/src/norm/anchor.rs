@@ -70,9 +70,10 @@ impl Anchor {
         (if rows > cols { rows } else { cols }).saturating_add(1)
     }
 
-    /// Draws the long waves of `heights_m` to those of `coarse_m`: subtracts the weighted low-pass of their difference, where the heights are means
-    /// over coarse pixels. Both are finite, row-major, `cols` wide. Means near the edges are taken over pixels inside the map. `difference` is scratch memory of the same length, `sums` of at least
-    /// [`sums_len`](Self::sums_len); with eight times as many it is faster, with the same result.
+    /// Draws the long waves of `heights_m` to those of `coarse_m`: subtracts the weighted low-pass of their difference, where the heights are
+    /// means over coarse pixels. Both are finite, row-major, `cols` wide. Means near the edges are taken over pixels inside the map. `difference`
+    /// is scratch memory of the same length, `sums` of at least [`sums_len`](Self::sums_len); with eight times as many it is faster, with the
+    /// same result.
     ///
     /// # Errors
     /// [`LengthError`] if a buffer has another length, or `heights_m` does not consist of whole rows; nothing is changed then.

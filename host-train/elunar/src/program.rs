@@ -182,6 +182,7 @@ fn line(what: Arguments<'_>) {
 }
 
 /// Passes on what was said, if the program ends for want of memory and nobody is writing it. Allocates nothing.
+#[cfg(unix)]
 pub(crate) fn with_said(pass_on: impl FnOnce(Arguments<'_>)) {
     if PANICKED.load(Ordering::SeqCst) == NO_MEMORY
         && let Ok(said) = SAID.try_lock()

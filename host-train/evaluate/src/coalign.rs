@@ -23,7 +23,7 @@ pub enum CoAlignment {
     LowPass,
 }
 
-/// A coarse DTM resolves waves longer than this many of its pixels, as in [`elunar_core::norm::Anchor`].
+/// A coarse DTM resolves waves longer than this many of its pixels.
 const RESOLVED_COARSE_PX: f64 = 4.0;
 
 impl CoAlignment {

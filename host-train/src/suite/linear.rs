@@ -112,8 +112,8 @@ fn contrast_of(scene: &TestScene) -> Vec<f64> {
     contrast(&scene.raw_image.samples, (scene.raw_image.rows, scene.raw_image.cols))
 }
 
-/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, it keeps the coarse
-/// DTM's long waves.
+/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, its long waves are drawn
+/// to the coarse DTM's.
 ///
 /// # Errors
 /// [`Error::Input`] with [`Teacher::OtherGrounds`] if the Sun is not known, or stands where the synthetic Moon has none; if truth and image are

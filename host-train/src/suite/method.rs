@@ -47,7 +47,7 @@ pub enum DtmSource {
 /// Usage of a network.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct Usage {
-    /// Whether every tile keeps the coarse DTM's low frequencies ([`Options::anchor`]).
+    /// Whether the long waves of every tile are drawn to the coarse DTM's ([`Options::anchor`]).
     pub anchor: bool,
     /// Co-alignment of the finished DTM.
     pub co_alignment: CoAlignment,
