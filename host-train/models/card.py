@@ -164,7 +164,7 @@ def free():
 
 
 def weighed():
-    """RMSE of `ground` with the anchor, without it, and with long waves as a weighted mean (suites/estimates.py)."""
+    """RMSE of `ground` without the anchor, with the shipped one, and with other weights of the coarse DTM (suites/estimates.py)."""
     lists = {
         "real, exact": "real",
         "erring": "real-erring",
@@ -175,8 +175,8 @@ def weighed():
     }
     heading, *lines = [line.split() for line in (OUT / "anchor.txt").read_text().splitlines()]
     of = {cells[1]: dict(zip(heading, cells)) for cells in lines if cells[0] == "ground"}
-    kinds = {"anchor": "anchor", "none": "none", "weighed": "half-width-0.5-weight-0.7"}
-    return table(["`ground`", *lists], [[name, *(of[part][kind] for part in lists.values())] for name, kind in kinds.items()])
+    kinds = {"0": "none", "0.5": "half-width-0.5-weight-0.5", "0.7, shipped": "anchor", "1": "half-width-0.5-weight-1.0"}
+    return table(["`ground`, weight", *lists], [[name, *(of[part][kind] for part in lists.values())] for name, kind in kinds.items()])
 
 
 def sfs():
