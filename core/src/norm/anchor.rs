@@ -4,7 +4,8 @@
 //! coarse DTM's ([`Anchor`]), and the short waves are the network's (our choice; the paper leaves the network free at every wavelength).
 //!
 //! Like is compared with like: a coarse height is a mean over a coarse pixel, and so the DTM is averaged over one before it is compared. Without
-//! that, the long waves that an average makes flatter are taken from the DTM, too.
+//! that, the long waves that an average makes flatter are taken from the DTM, too. Near an edge the box is narrower instead of one-sided: a mean to
+//! one side would take a slope for a difference.
 
 use crate::error::{LengthError, same_length};
 use crate::part::{copy, few, item, put, put_few};
@@ -113,34 +114,34 @@ impl Anchor {
         let along_cols = Lines { apart: 1, count: cols, step: cols, len: rows };
         match unit {
             0 => copy(difference, heights_m),
-            1 => Self::means(self.half_px, difference, along_rows, sums),
-            2 => Self::means(self.half_px, difference, along_cols, sums),
+            1 => Self::means(Reach::Even(self.half_px), difference, along_rows, sums),
+            2 => Self::means(Reach::Even(self.half_px), difference, along_cols, sums),
             3 => difference.iter_mut().zip(coarse_m).for_each(|(d, c)| *d -= c),
             _ if unit + 1 >= Self::UNITS => {
                 for (z, d) in heights_m.iter_mut().zip(difference.iter()) {
                     *z -= self.weight * d;
                 }
             }
-            _ if unit.is_multiple_of(2) => Self::means(self.radius_px, difference, along_rows, sums),
-            _ => Self::means(self.radius_px, difference, along_cols, sums),
+            _ if unit.is_multiple_of(2) => Self::means(Reach::Cut(self.radius_px), difference, along_rows, sums),
+            _ => Self::means(Reach::Cut(self.radius_px), difference, along_cols, sums),
         }
         Ok(())
     }
 
-    /// Computes box means along all lines, over this many pixels to either side.
-    fn means(radius: usize, map: &mut [f32], lines: Lines, sums: &mut [f64]) {
+    /// Computes box means along all lines.
+    fn means(reach: Reach, map: &mut [f32], lines: Lines, sums: &mut [f64]) {
         let mut line = 0;
         if sums.len() >= LINES * lines.len.saturating_add(1) {
             while line + LINES <= lines.count {
-                Self::along::<LINES>(radius, map, lines, line, sums);
+                Self::along::<LINES>(reach, map, lines, line, sums);
                 line += LINES;
             }
         }
-        (line..lines.count).for_each(|line| Self::along::<1>(radius, map, lines, line, sums));
+        (line..lines.count).for_each(|line| Self::along::<1>(reach, map, lines, line, sums));
     }
 
     /// Computes box means along `N` lines from one on.
-    fn along<const N: usize>(radius: usize, map: &mut [f32], lines: Lines, first: usize, sums: &mut [f64]) {
+    fn along<const N: usize>(reach: Reach, map: &mut [f32], lines: Lines, first: usize, sums: &mut [f64]) {
         let Lines { apart, step, len, .. } = lines;
         let (sums, first) = (sums.as_chunks_mut::<N>().0, first * apart);
         let mut sum = [0.0; N];
@@ -155,7 +156,7 @@ impl Anchor {
         }
         for i in 0..len {
             let at = first + i * step;
-            let (low, high) = (i.saturating_sub(radius), i.saturating_add(radius).saturating_add(1).min(len));
+            let (low, high) = reach.at(i, len);
             let [above, below] = [low, high].map(|i| sums.get(i).copied().unwrap_or([0.0; N]));
             let count = (high - low) as f64;
             let means: [f32; N] = core::array::from_fn(|n| ((below[n] - above[n]) / count) as f32);
@@ -165,6 +166,26 @@ impl Anchor {
                 means.into_iter().enumerate().for_each(|(n, mean)| put(map, at + n * apart, mean));
             }
         }
+    }
+}
+
+/// How far a box reaches from its pixel, in pixels to either side.
+#[derive(Debug, Clone, Copy)]
+enum Reach {
+    /// Near an edge as far to the one side as to the other.
+    Even(usize),
+    /// Near an edge to the edge.
+    Cut(usize),
+}
+
+impl Reach {
+    /// Returns the first pixel of a box about pixel `i` of a line of `len`, and that behind its last.
+    fn at(self, i: usize, len: usize) -> (usize, usize) {
+        let reach = match self {
+            Self::Even(reach) => reach.min(i).min(len.saturating_sub(i + 1)),
+            Self::Cut(reach) => reach,
+        };
+        (i.saturating_sub(reach), i.saturating_add(reach).saturating_add(1).min(len))
     }
 }
 
@@ -190,13 +211,16 @@ mod tests {
         out
     }
 
-    /// Returns the means over rectangles, by definition.
-    fn naive_box(map: &[f64], cols: usize, radius: usize) -> Vec<f64> {
+    /// Returns the means over rectangles, by definition; `even`: as far to the one side as to the other.
+    fn naive_box(map: &[f64], cols: usize, radius: usize, even: bool) -> Vec<f64> {
         let rows = map.len() / cols;
-        let near = |a: usize, b: usize| a.abs_diff(b) <= radius;
+        let near = |a: usize, b: usize, len: usize| {
+            a.abs_diff(b) <= if even { radius.min(a).min(len - 1 - a) } else { radius }
+        };
         (0..map.len())
             .map(|i| {
-                let inside = (0..map.len()).filter(|j| near(i / cols, j / cols) && near(i % cols, j % cols));
+                let inside =
+                    (0..map.len()).filter(|j| near(i / cols, j / cols, rows) && near(i % cols, j % cols, cols));
                 let (sum, n) = inside.fold((0.0, 0), |(sum, n), j| (sum + map[j], n + 1));
                 assert!(n > 0 && rows > 0);
                 sum / f64::from(n)
@@ -213,10 +237,10 @@ mod tests {
             let (heights, coarse): (Vec<f32>, Vec<f32>) = ((0..n).map(value).collect(), (n..2 * n).map(value).collect());
             // Both widths are halves of a coarse pixel.
             let found = anchored(2.0 * radius as f32, &heights, &coarse, cols);
-            let of_pixels = naive_box(&heights.iter().map(|z| f64::from(*z)).collect::<Vec<_>>(), cols, radius);
+            let of_pixels = naive_box(&heights.iter().map(|z| f64::from(*z)).collect::<Vec<_>>(), cols, radius, true);
             let mut low: Vec<f64> = of_pixels.iter().zip(&coarse).map(|(z, c)| z - f64::from(*c)).collect();
             for _ in 0..BOXES {
-                low = naive_box(&low, cols, radius);
+                low = naive_box(&low, cols, radius, false);
             }
             for i in 0..n {
                 // Four running sums in f32 of up to nine heights below 1024 m.
@@ -241,6 +265,15 @@ mod tests {
         assert!((kept(320.0) - 0.3).abs() < 0.1, "{}", kept(320.0));
         // Half of the weight.
         assert!((kept(3.0 * coarse_px) - 0.65).abs() < 0.1, "{}", kept(3.0 * coarse_px));
+    }
+
+    #[test]
+    fn a_slope_that_the_coarse_dtm_has_too_stays_up_to_the_edges() {
+        let (rows, cols) = (40, 50);
+        let slope: Vec<f32> = (0..rows * cols).map(|i| 0.3 * (i / cols) as f32 - 0.2 * (i % cols) as f32).collect();
+        let out = anchored(16.0, &slope, &slope, cols);
+        let off = out.iter().zip(&slope).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        assert!(off < 1e-4, "{off}");
     }
 
     #[test]
