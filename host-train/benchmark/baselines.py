@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""baselines.py SUITE: prints baselines.csv from the folder that `host-train suite` filled: the figures of every method on every scene.
+"""baselines.py OUT: prints baselines.csv from the folder that baselines.sh fills: the figures of every method on every scene, on both tracks.
 
 The coarse DTM's figures are those of results.json. Those of the DTMs are score.py's; they must agree with results.json to 1e-6.
 """
@@ -8,7 +8,7 @@ import json
 import sys
 from pathlib import Path
 
-from score import FIGURES, scored, table_row
+from score import FIGURES, rows_of, scored, table_row
 
 COARSE = "coarse DTM"
 
@@ -19,23 +19,35 @@ def figures_of(judged):
     return figures | {"slope_vector": relief["slope_vector_error"]}
 
 
-suite = Path(sys.argv[1])
-results = json.loads((suite / "results.json").read_text())
-theirs = {(j["method"], s["name"]): figures_of(j) for s in results["scenes"] for j in s["judged"]}
-out = csv.writer(sys.stdout, lineterminator="\n")
-out.writerow(("method", "scene", "pixels", *FIGURES))
-for method in results["methods"]:
-    name = method if isinstance(method, str) else method["name"]
-    if name.endswith(".safetensors"):
-        continue  # the float networks; the int8 files are what people run
-    found = {scene: figures for (of, scene), figures in theirs.items() if of == name}
-    if name != COARSE:
-        ours, absent = scored(suite / "scenes", suite / "dtm" / name)
-        assert not absent, (name, absent)
-        for scene, figures in ours.items():
-            for figure in FIGURES:
-                difference = abs(figures[figure] / found[scene][figure] - 1)
-                assert difference < 1e-6, (name, scene, figure, difference)
-        found = ours
-    for scene, figures in found.items():
-        out.writerow(("coarse" if name == COARSE else name.removesuffix(".eld"), scene, *table_row(figures)))
+def method_rows(scenes, results, name):
+    """A method's figures on the scenes of a suite, after a comparison of both programs'."""
+    theirs = {s["name"]: figures_of(j) for s in results["scenes"] for j in s["judged"] if j["method"] == name}
+    if name == COARSE:
+        return theirs
+    ours, _ = scored(scenes, scenes / results["suite"] / "dtm" / name)
+    assert ours.keys() == theirs.keys(), (name, ours.keys() ^ theirs.keys())
+    for scene, figures in ours.items():
+        for figure in FIGURES:
+            difference = abs(figures[figure] / theirs[scene][figure] - 1)
+            assert difference < 1e-6, (name, scene, figure, difference)
+    return ours
+
+
+def main():
+    out = csv.writer(sys.stdout, lineterminator="\n")
+    out.writerow(("track", "method", "scene", "pixels", *FIGURES))
+    suites = dict.fromkeys(scene["suite"] for scene in rows_of("scenes.csv"))
+    for track in ("told", "untold"):
+        scenes = Path(sys.argv[1]) / track
+        found = {}
+        for suite in suites:
+            results = json.loads((scenes / suite / "results.json").read_text())
+            for method in results["methods"]:
+                found.setdefault(method["name"], {}).update(method_rows(scenes, results, method["name"]))
+        for name, rows in found.items():
+            for scene, figures in rows.items():
+                out.writerow((track, "coarse" if name == COARSE else name, scene, *table_row(figures)))
+
+
+if __name__ == "__main__":
+    main()

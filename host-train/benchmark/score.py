@@ -1,11 +1,12 @@
 #!/usr/bin/env python3
 """Scores DTMs of the benchmark's scenes. Needs numpy and rasterio.
 
-    score.py SCENES DTMS      errors of DTMS/SCENE.tif (or SCENE_dtm.tif), and their ratios to those of the interpolated coarse DTM
+    score.py SCENES DTMS      errors of DTMS/SCENE_dtm.tif (or SCENE.tif), and their ratios to those of the interpolated coarse DTM
     score.py SCENES --check   compares the scenes with scenes.csv
 
-SCENES is the folder that `host-train suite --scenes-only --out bench` writes: bench/scenes. A DTM has the grid of its scene's truth, heights in
-metres, voids as nodata or NaN. All pixels are scored where DTM and truth are real. Exit status: 0, or 1 if a scene differs or a DTM is absent.
+SCENES is the folder that scenes.sh fills. A DTM has the grid of its scene's truth, heights in metres, voids as nodata or NaN. Errors are those of the
+pixels that have a height, as `elunar evaluate` gives them. In ratios every pixel without one counts, too: VOID times the coarse DTM's figure. Exit
+status: 0, or 1 if a scene differs, or a DTM is absent or on another grid.
 """
 import csv
 import hashlib
@@ -17,6 +18,10 @@ import rasterio
 
 HERE = Path(__file__).parent
 FIGURES = ("rmse_m", "mae_m", "nmad_m", "slope_rmse_deg", "slope_vector")
+# What a pixel without a height counts, in the coarse DTM's figures: more than any error that is worth hiding.
+VOID = 30.0
+# The maps of a scene.
+KINDS = ("image", "coarse", "truth")
 
 
 def fail(text):
@@ -62,10 +67,15 @@ def score(dtm_m, truth_m, pixel_m):
     size = np.abs(error)
     maps = [gradient(np.where(void, np.nan, map_m), pixel_m) for map_m in (dtm_m, truth_m)]
     real = np.isfinite(maps[0]).all(0) & np.isfinite(maps[1]).all(0)
+    if not real.any():
+        fail("nine real heights around a pixel expected, found none")
     ours, true = (m[:, real] for m in maps)
+    slopes_of_truth = np.isfinite(gradient(truth_m, pixel_m)).all(0)
     slopes = [np.degrees(np.arctan(np.hypot(*m))) for m in (ours, true)]
     return {
         "pixels": int(error.size),
+        "void": 1 - error.size / np.isfinite(truth_m).sum(),
+        "void_slopes": 1 - real.sum() / slopes_of_truth.sum(),
         "rmse_m": float(np.sqrt(np.mean(error**2))),
         "mae_m": float(size.mean()),
         "nmad_m": float(1.4826 * np.median(np.abs(error - np.median(error)))),
@@ -74,11 +84,22 @@ def score(dtm_m, truth_m, pixel_m):
     }
 
 
+def ratio(figure, found, coarse):
+    """A figure over the coarse DTM's, with the pixels that have none."""
+    own, void = found[figure] / coarse[figure], found["void_slopes" if "slope" in figure else "void"]
+    power = 2 if "rmse" in figure else 1
+    return float(((1 - void) * own**power + void * VOID**power) ** (1 / power))
+
+
+def map_of(scenes, scene, kind):
+    return scenes / scene["suite"] / "scenes" / f"{scene['name']}_{kind}.tif"
+
+
 def check(scenes):
     wrong = 0
     for scene in rows_of("scenes.csv"):
-        for kind in ("image", "coarse", "truth"):
-            path = scenes / f"{scene['name']}_{kind}.tif"
+        for kind in KINDS:
+            path = map_of(scenes, scene, kind)
             found, expected = sample_hash(path), scene[f"{kind}_sha256"]
             if found != expected:
                 print(f"{path}: samples with SHA-256 {expected} expected, {found} found")
@@ -88,7 +109,7 @@ def check(scenes):
 
 
 def dtm_of(folder, name):
-    for path in (folder / f"{name}.tif", folder / f"{name}_dtm.tif"):
+    for path in (folder / f"{name}_dtm.tif", folder / f"{name}.tif"):
         if path.exists():
             return path
     return None
@@ -103,28 +124,35 @@ def scored(scenes, folder):
         if path is None:
             absent.append(name)
             continue
-        (dtm_m, grid), (truth_m, expected) = read(path), read(scenes / f"{name}_truth.tif")
+        (dtm_m, grid), (truth_m, expected) = read(path), read(map_of(scenes, scene, "truth"))
         if dtm_m.shape != truth_m.shape or not grid.almost_equals(expected, 1e-6):
-            fail(f"{path}: the grid of {name}_truth.tif expected, {dtm_m.shape} with {tuple(grid)[:6]} found")
+            places = [f"{shape[0]} x {shape[1]} pixels with {tuple(place)[:6]}" for shape, place in
+                      ((truth_m.shape, expected), (dtm_m.shape, grid))]
+            fail(f"{path}: the grid of {name}_truth.tif expected, {places[0]}; found {places[1]}")
         found[name] = score(dtm_m, truth_m, float(scene["pixel_m"]))
-        share = found[name]["pixels"] / truth_m.size
-        if share < 0.99:
-            print(f"note: {name}: {share:.1%} of the pixels have a height", file=sys.stderr)
     return found, absent
 
 
 def compare(scenes, folder):
-    coarse = {row["scene"]: row for row in rows_of("baselines.csv") if row["method"] == "coarse"}
+    coarse = {row["scene"]: {f: float(row[f]) for f in FIGURES} for row in rows_of("baselines.csv") if row["method"] == "coarse"}
+    kinds = {row["name"]: row["kind"] for row in rows_of("scenes.csv")}
     found, absent = scored(scenes, folder)
     out = csv.writer(sys.stdout, lineterminator="\n")
-    out.writerow(("scene", "pixels", *FIGURES, *(f"{figure} ratio" for figure in FIGURES)))
-    ratios = []
+    out.writerow(("scene", "kind", "pixels", "void", *FIGURES, *(f"{figure} ratio" for figure in FIGURES)))
+    ratios = {name: [ratio(figure, figures, coarse[name]) for figure in FIGURES] for name, figures in found.items()}
+
+    def line(name, kind, cells, of):
+        out.writerow((name, kind, *cells, *(f"{r:.4f}" for r in of)))
+
     for name, figures in found.items():
-        ratios.append([figures[figure] / float(coarse[name][figure]) for figure in FIGURES])
-        out.writerow((name, *table_row(figures), *(f"{r:.4f}" for r in ratios[-1])))
+        pixels, *errors = table_row(figures)
+        line(name, kinds[name], (pixels, f"{figures['void']:.6f}", *errors), ratios[name])
+    blank = [""] * (2 + len(FIGURES))
+    for kind in dict.fromkeys(kinds[name] for name in ratios):
+        line("mean", kind, blank, np.mean([ratios[name] for name in ratios if kinds[name] == kind], 0))
     for what, of in (("mean", np.mean), ("worst", np.max)):
         if ratios:
-            out.writerow((what, "", *("" for _ in FIGURES), *(f"{r:.4f}" for r in of(ratios, 0))))
+            line(what, "all", blank, of(list(ratios.values()), 0))
     if absent:
         fail(f"{folder}: DTMs of {len(absent)} scenes are absent: {', '.join(absent)}")
 

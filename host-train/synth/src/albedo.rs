@@ -52,7 +52,7 @@ fn bright_slopes(canvas: &mut Canvas, heights_m: &[f32], pixel_m: f32) -> Vec<f3
         let (left, right) = (col.saturating_sub(1), (col + 1).min(cols - 1));
         let down = smoothed[below * cols + col] - smoothed[above * cols + col];
         let across = smoothed[row * cols + right] - smoothed[row * cols + left];
-        0.5 * down.hypot(across) / pixel_m
+        0.5 * libm::hypotf(down, across) / pixel_m
     };
     let slopes: Vec<f32> = (0..heights_m.len()).map(slope).collect();
     // In units of the scene's own slopes: so every scene has some of them.
@@ -71,7 +71,7 @@ fn toned_heights(canvas: &mut Canvas, heights_m: &[f32]) -> Vec<f32> {
     // In half of the scenes the border is up to as sharp as that of a lake of sand; in the others it is smooth.
     let sharp = if canvas.rng.random() { canvas.length(1.0, 12.0) } else { 1.0 };
     let level = canvas.within(-1.0, 1.0);
-    smoothed.iter().map(|h| tone * (0.5 * sharp * ((h - mean) / spread - level)).tanh()).collect()
+    smoothed.iter().map(|h| tone * libm::tanhf(0.5 * sharp * ((h - mean) / spread - level))).collect()
 }
 
 /// Patches with sharp borders, as of another rock.

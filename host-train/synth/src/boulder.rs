@@ -24,10 +24,10 @@ pub(super) fn strew(rng: &mut ChaCha8Rng, crater: &Crater, pixel_m: f64, heights
     let count = Poisson::new(expected).map_or(0, |poisson| poisson.sample(rng) as usize);
     let largest_m = crater.radius_m / 6.0;
     for _ in 0..count {
-        let diameter_m = (SMALLEST_M * (1.0 - rng.random::<f64>()).powf(-1.0 / 3.0)).min(largest_m);
+        let diameter_m = (SMALLEST_M * libm::pow(1.0 - rng.random::<f64>(), -1.0 / 3.0)).min(largest_m);
         // The density is greatest at the rim and falls to zero at three radii.
         let distance_px = (0.9 + 2.1 * rng.random::<f64>().powi(2)) * crater.radius_m / pixel_m;
-        let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
+        let (south, east) = libm::sincos(rng.random::<f64>() * TAU);
         drop_one(
             crater.row + south * distance_px,
             crater.col + east * distance_px,
@@ -51,7 +51,7 @@ fn drop_one(row: f64, col: f64, diameter_m: f64, pixel_m: f64, heights_m: &mut [
     for r in clip(row - reach, row + reach, rows) {
         for c in clip(col - reach, col + reach, cols) {
             let (dr, dc) = ((r as f64 - row) / radius_px, (c as f64 - col) / radius_px);
-            heights_m[r * cols + c] += (height_m * (-(dr * dr + dc * dc)).exp()) as f32;
+            heights_m[r * cols + c] += (height_m * libm::exp(-(dr * dr + dc * dc))) as f32;
         }
     }
 }

@@ -28,7 +28,7 @@ impl Exposure {
         let (low, high) = (low as f32, high as f32);
         Self {
             blur_px: if low < high { rng.random_range(low..high) } else { low },
-            mean_signal_e: rng.random_range(MEAN_SIGNAL_E.start.ln()..MEAN_SIGNAL_E.end.ln()).exp(),
+            mean_signal_e: libm::expf(rng.random_range(libm::logf(MEAN_SIGNAL_E.start)..libm::logf(MEAN_SIGNAL_E.end))),
         }
     }
 
@@ -66,7 +66,7 @@ impl Response {
         let mean = (image.iter().map(|v| f64::from(*v)).sum::<f64>() / image.len() as f64) as f32;
         if mean > 0.0 {
             for value in image {
-                let share = (*value / mean).powf(self.exponent) + self.pedestal;
+                let share = libm::powf(*value / mean, self.exponent) + self.pedestal;
                 *value = (share * mean).round().clamp(0.0, DN_MAX);
             }
         }
@@ -79,7 +79,7 @@ impl Response {
 /// their response equals the Gaussian's at zero, half and full Nyquist frequency. The outer taps are slightly negative.
 fn blur(image: &[f32], rows: usize, cols: usize, sigma_px: f32) -> Vec<f32> {
     // Response of a Gaussian at frequency f (cycles per pixel).
-    let response = |f: f32| (-2.0 * (std::f32::consts::PI * sigma_px * f).powi(2)).exp();
+    let response = |f: f32| libm::expf(-2.0 * (std::f32::consts::PI * sigma_px * f).powi(2));
     let (full, half) = (response(0.5), response(0.25));
     let taps = [0.25 * (1.0 + full) + 0.5 * half, 0.25 * (1.0 - full), 0.125 * (1.0 + full) - 0.25 * half];
     let mut across = vec![0.0; image.len()];

@@ -69,7 +69,7 @@ pub(super) fn observe(rng: &mut ChaCha8Rng, ground: &Ground, rows: usize, cols: 
     let ((south_m, coarse_rows), (east_m, coarse_cols)) = (place(rows), place(cols));
     // Uniform over the disc.
     let shift_m = flaws.misregistration_m * rng.random::<f64>().sqrt();
-    let (shift_south, shift_east) = (rng.random::<f64>() * TAU).sin_cos();
+    let (shift_south, shift_east) = libm::sincos(rng.random::<f64>() * TAU);
     let spans = |start_m: f64, shift_m: f64, count: usize| {
         let edge_px =
             move |k: usize| (start_m + shift_m + k as f64 * COARSE_PIXEL_M) / ground.pixel_m + ground.margin_px as f64;
@@ -121,14 +121,14 @@ fn average(ground: &Ground, row_spans: &[Span], col_spans: &[Span]) -> Vec<f32> 
 fn add_error(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usize, rms_m: f64) {
     let (shortest, longest) = (ERROR_WAVELENGTH_M.start, ERROR_WAVELENGTH_M.end);
     for _ in 0..ERROR_WAVES {
-        let wavelength_px = shortest * (longest / shortest).powf(rng.random::<f64>()) / COARSE_PIXEL_M;
-        let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
+        let wavelength_px = shortest * libm::pow(longest / shortest, rng.random::<f64>()) / COARSE_PIXEL_M;
+        let (south, east) = libm::sincos(rng.random::<f64>() * TAU);
         let phase = rng.random::<f64>() * TAU;
         let size: f64 = StandardNormal.sample(rng);
         let amplitude = size * rms_m * (2.0 / ERROR_WAVES as f64).sqrt();
         for (k, height) in heights_m.iter_mut().enumerate() {
             let along_px = (k / cols) as f64 * south + (k % cols) as f64 * east;
-            *height += (amplitude * (TAU * along_px / wavelength_px + phase).cos()) as f32;
+            *height += (amplitude * libm::cos(TAU * along_px / wavelength_px + phase)) as f32;
         }
     }
 }
@@ -149,7 +149,7 @@ pub(super) fn add_stripes(rng: &mut ChaCha8Rng, heights_m: &mut [f32], cols: usi
         .collect();
     // A step up on one side of a line through the middle half of the grid, and an equal step down on the other. Its square does not depend
     // on the line.
-    let (south, east) = (rng.random::<f64>() * TAU).sin_cos();
+    let (south, east) = libm::sincos(rng.random::<f64>() * TAU);
     let through = |rng: &mut ChaCha8Rng, size: usize| (0.25 + 0.5 * rng.random::<f64>()) * size as f64;
     let (row0, col0) = (through(rng, rows), through(rng, cols));
     let step_m = rms_m * 0.5f64.sqrt() * gaussian(rng);

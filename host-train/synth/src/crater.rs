@@ -151,8 +151,8 @@ pub(super) fn population(
         let exponent = if low < saturation { EQUILIBRIUM_EXPONENT } else { PRODUCTION_EXPONENT };
         let uncounted = (oldest(low) / TAU_COUNTED).max(1.0);
         for _ in 0..count(rng, uncounted * density * height * width * pixel_m * pixel_m) {
-            let share = 1.0 - rng.random::<f64>() * (1.0 - (high / low).powf(-exponent));
-            let radius_m = low * share.powf(-1.0 / exponent);
+            let share = 1.0 - rng.random::<f64>() * (1.0 - libm::pow(high / low, -exponent));
+            let radius_m = low * libm::pow(share, -1.0 / exponent);
             let oldest = oldest(radius_m);
             let noise: f64 = StandardNormal.sample(rng);
             craters.push(Crater {
@@ -176,8 +176,12 @@ fn oldest(radius_m: f64) -> f64 {
 
 /// Returns the number of craters per m² with a radius above `r` metres.
 fn density_above(r: f64, saturation: f64) -> f64 {
-    let equilibrium = |r: f64| EQUILIBRIUM_PER_M2 * r.powf(-EQUILIBRIUM_EXPONENT);
-    if r < saturation { equilibrium(r) } else { equilibrium(saturation) * (r / saturation).powf(-PRODUCTION_EXPONENT) }
+    let equilibrium = |r: f64| EQUILIBRIUM_PER_M2 * libm::pow(r, -EQUILIBRIUM_EXPONENT);
+    if r < saturation {
+        equilibrium(r)
+    } else {
+        equilibrium(saturation) * libm::pow(r / saturation, -PRODUCTION_EXPONENT)
+    }
 }
 
 /// Draws a Poisson count with the given mean.
@@ -187,7 +191,7 @@ fn count(rng: &mut ChaCha8Rng, mean: f64) -> usize {
 
 /// Returns depth over diameter of a fresh crater: 0.12 up to 20 m, rising to 0.2 from 400 m on (Sun et al. 2018; Pike).
 fn fresh_depth_ratio(radius_m: f64) -> f64 {
-    let share = ((2.0 * radius_m / 20.0).ln() / 20f64.ln()).clamp(0.0, 1.0);
+    let share = (libm::log(2.0 * radius_m / 20.0) / libm::log(20.0)).clamp(0.0, 1.0);
     0.12 + 0.08 * share
 }
 
@@ -205,13 +209,13 @@ pub(super) fn stamp(
     each_pixel(crater, profile.reach, pixel_m, heights_m, cols, |u, v, height| {
         *height += size_m * profile.height((u * u + v * v).sqrt());
     });
-    let glow = (0.35 * (-crater.tau / 0.006).exp()) as f32;
+    let glow = (0.35 * libm::exp(-crater.tau / 0.006)) as f32;
     if glow > 0.05 && crater.radius_m > 3.0 * pixel_m {
         // Ejecta brightness falls with the square of the distance (our choice: slower than their thickness). Rays have more ejecta.
-        let lobes = (crater.stretch.1 * 7.0).cos() as f32 * 3.0;
+        let lobes = libm::cos(crater.stretch.1 * 7.0) as f32 * 3.0;
         each_pixel(crater, 5.0, pixel_m, log_albedo, cols, |u, v, albedo| {
-            let (x, angle) = ((u * u + v * v).sqrt(), v.atan2(u));
-            let ray = 0.5 + 0.5 * (5.0 * angle + lobes).sin() * (8.0 * angle - lobes).cos();
+            let (x, angle) = ((u * u + v * v).sqrt(), libm::atan2f(v, u));
+            let ray = 0.5 + 0.5 * libm::sinf(5.0 * angle + lobes) * libm::cosf(8.0 * angle - lobes);
             let fall = x.max(1.0).powi(-2) * ((5.0 - x) / 4.0).min(1.0);
             *albedo += glow * fall * if x > 1.0 { ray } else { 0.7 };
         });
@@ -234,7 +238,7 @@ fn each_pixel(
         (from.ceil().max(0.0) as usize, (to.floor() + 1.0).clamp(0.0, n as f64) as usize)
     };
     let (first_row, end_row) = clip(crater.row - extent, crater.row + extent, rows);
-    let (sin, cos) = crater.stretch.1.sin_cos();
+    let (sin, cos) = libm::sincos(crater.stretch.1);
     let (along, across) = (1.0 / (radius * crater.stretch.0), crater.stretch.0 / radius);
     for row in first_row..end_row {
         let dr = row as f64 - crater.row;

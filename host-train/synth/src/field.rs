@@ -7,7 +7,7 @@ use rand::Rng;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use rustfft::num_complex::Complex32;
-use rustfft::{Fft, FftPlanner};
+use rustfft::{Fft, FftPlannerScalar};
 use std::f64::consts::TAU;
 use std::sync::Arc;
 
@@ -34,7 +34,7 @@ impl Spectrum {
     fn variance_per_efold(&self, k: f64) -> f64 {
         let ratio = k * self.corner_m / TAU;
         let hurst = if ratio < 1.0 { self.hurst_long } else { self.hurst_short };
-        self.corner_rms_m * self.corner_rms_m * ratio.powf(-2.0 * hurst)
+        self.corner_rms_m * self.corner_rms_m * libm::pow(ratio, -2.0 * hurst)
     }
 }
 
@@ -54,7 +54,8 @@ impl FieldPlan {
     /// Makes a plan for fields of at least `rows` × `cols` pixels of `pixel_m` metres; see [`FieldPlan::shape`].
     pub(super) fn new(rows: usize, cols: usize, pixel_m: f64) -> Self {
         let (rows, cols) = (fft_size(rows), fft_size(cols));
-        let mut planner = FftPlanner::new();
+        // The plans for AVX, SSE and NEON round differently: fields would depend on the processor.
+        let mut planner = FftPlannerScalar::new();
         Self {
             rows,
             cols,
@@ -80,7 +81,7 @@ impl FieldPlan {
         let quarter = self.cols / 2 + 1;
         let mut amplitudes = vec![0.0; (self.rows / 2 + 1) * quarter];
         for (at, amplitude) in amplitudes.iter_mut().enumerate().skip(1) {
-            let k = ((at / quarter) as f64 * dr).hypot((at % quarter) as f64 * dc);
+            let k = libm::hypot((at / quarter) as f64 * dr, (at % quarter) as f64 * dc);
             // k·P(k) is spread over the ring 2πk, per unit of k: the density per area of the wavenumber plane.
             *amplitude = (spectrum.variance_per_efold(k) / (TAU * k * k) * dr * dc).sqrt() as f32;
         }
@@ -120,17 +121,17 @@ impl FieldPlan {
         let (dr, dc) = self.step();
         // The lattice leaves out one cell of area dr·dc around zero: a disc of this radius.
         let longest = TAU / LONGEST_M;
-        let efolds = ((dr * dc / std::f64::consts::PI).sqrt() / longest).ln().max(0.0);
+        let efolds = libm::log((dr * dc / std::f64::consts::PI).sqrt() / longest).max(0.0);
         let waves = (0..LONG_WAVES).map(|n| {
             // Stratified over the e-folds, so that every scene has waves of every octave.
-            let k = longest * ((n as f64 + rng.random::<f64>()) / LONG_WAVES as f64 * efolds).exp();
+            let k = longest * libm::exp((n as f64 + rng.random::<f64>()) / LONG_WAVES as f64 * efolds);
             let (direction, phase) = (rng.random::<f64>() * TAU, rng.random::<f64>() * TAU);
             let size: f64 = StandardNormal.sample(rng);
             let rms = (spectrum.variance_per_efold(k) * efolds / LONG_WAVES as f64).sqrt();
             Wave {
                 amplitude: size * rms * std::f64::consts::SQRT_2,
-                per_row: k * direction.sin() * self.pixel_m,
-                per_col: k * direction.cos() * self.pixel_m,
+                per_row: k * libm::sin(direction) * self.pixel_m,
+                per_col: k * libm::cos(direction) * self.pixel_m,
                 phase,
             }
         });
@@ -153,9 +154,9 @@ impl LongWaves {
     pub(super) fn add_to(&self, field: &mut [f32], cols: usize, gain: f64) {
         for wave in &self.0 {
             let (cos, sin): (Vec<f32>, Vec<f32>) =
-                (0..cols).map(|c| (wave.per_col * c as f64).sin_cos()).map(|(s, c)| (c as f32, s as f32)).unzip();
+                (0..cols).map(|c| libm::sincos(wave.per_col * c as f64)).map(|(s, c)| (c as f32, s as f32)).unzip();
             for (row, line) in field.chunks_exact_mut(cols).enumerate() {
-                let (s, c) = (wave.per_row * row as f64 + wave.phase).sin_cos();
+                let (s, c) = libm::sincos(wave.per_row * row as f64 + wave.phase);
                 let (a, b) = ((gain * wave.amplitude * c) as f32, (gain * wave.amplitude * s) as f32);
                 // cos(row part + column part) is expanded, so that the inner loop has no trigonometry.
                 for ((value, cos), sin) in line.iter_mut().zip(&cos).zip(&sin) {

@@ -19,8 +19,8 @@ pub(super) struct Sun {
 impl Sun {
     /// Returns the unit vector towards the Sun: east (columns), south (rows), up.
     fn direction(&self) -> [f64; 3] {
-        let (sin_az, cos_az) = self.azimuth_deg.to_radians().sin_cos();
-        let (sin_el, cos_el) = self.elevation_deg.to_radians().sin_cos();
+        let (sin_az, cos_az) = libm::sincos(self.azimuth_deg.to_radians());
+        let (sin_el, cos_el) = libm::sincos(self.elevation_deg.to_radians());
         [sin_az * cos_el, -cos_az * cos_el, sin_el]
     }
 }
@@ -64,13 +64,13 @@ pub(super) fn reflectance(
 /// the shadow's upper edge. This is exact along the line, with one interpolation into the lines and one back, O(pixels).
 pub(super) fn visibility(heights_m: &[f32], rows: usize, cols: usize, pixel_m: f64, sun: &Sun) -> Vec<f32> {
     let [east, south, _] = sun.direction();
-    let drop_per_m = sun.elevation_deg.to_radians().tan() as f32;
-    if east.hypot(south) < 1e-6 {
+    let drop_per_m = libm::tan(sun.elevation_deg.to_radians()) as f32;
+    if libm::hypot(east, south) < 1e-6 {
         return vec![1.0; rows * cols];
     }
     let penumbra_per_m = SUN_RADIUS_RAD * (1.0 + drop_per_m * drop_per_m);
     let walk = |field: &[f32], rows: usize, cols: usize, down: f64, across: f64| {
-        let step_m = (pixel_m * down.hypot(across) / down.abs()) as f32;
+        let step_m = (pixel_m * libm::hypot(down, across) / down.abs()) as f32;
         let walk =
             Walk { drop_m: step_m * drop_per_m, penumbra_m: step_m * penumbra_per_m, soft_m: 0.05 * pixel_m as f32 };
         walk.away_from_sun(field, rows, cols, down > 0.0, across / down)

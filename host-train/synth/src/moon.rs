@@ -235,7 +235,7 @@ impl Moon {
         let (mut heights_m, mut log_albedo) = shop.plan.draw(rng, amplitudes, &shop.albedo);
         // Log-normal with a mean square of one, so that the average over scenes keeps the fitted structure function.
         let deviate: f64 = StandardNormal.sample(rng);
-        let roughness = (ROUGHNESS_SPREAD * deviate - ROUGHNESS_SPREAD * ROUGHNESS_SPREAD).exp();
+        let roughness = libm::exp(ROUGHNESS_SPREAD * deviate - ROUGHNESS_SPREAD * ROUGHNESS_SPREAD);
         let (mean_m, spread_m) = BASE_HEIGHT_M[kind as usize];
         let base: f64 = StandardNormal.sample(rng);
         let base_m = (mean_m + spread_m * base) as f32;
@@ -263,7 +263,7 @@ impl Moon {
         let reflected = reflectance(heights_m, [rows, cols], self.options.pixel_m, sun, weight_shift);
         let mut radiance = crop(&reflected, cols, shop);
         for (value, log_albedo) in radiance.iter_mut().zip(crop(log_albedo, cols, shop)) {
-            *value *= log_albedo.exp();
+            *value *= libm::expf(log_albedo);
         }
         Exposure::draw(rng, self.options.blur_px).take(rng, &radiance, shop.rows, shop.cols)
     }

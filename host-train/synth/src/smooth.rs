@@ -9,7 +9,7 @@ pub(super) fn smooth(heights_m: Vec<f32>, [rows, cols]: [usize; 2], sigma_px: f3
         return heights_m;
     }
     let reach = (REACH * sigma_px).ceil() as isize;
-    let weights: Vec<f32> = (-reach..=reach).map(|d| (-0.5 * (d as f32 / sigma_px).powi(2)).exp()).collect();
+    let weights: Vec<f32> = (-reach..=reach).map(|d| libm::expf(-0.5 * (d as f32 / sigma_px).powi(2))).collect();
     let sum: f32 = weights.iter().sum();
     let taps = || (-reach..=reach).zip(weights.iter().map(|w| w / sum));
     let mut across = vec![0.0; heights_m.len()];

@@ -68,7 +68,7 @@ impl Cells {
         let around = (r - 1..=r + 1).flat_map(|r| (c - 1..=c + 1).map(move |c| (r, c)));
         let mut two = [(f32::INFINITY, 0.0); 2];
         for cell in around.map(|(r, c)| self.cells[r * self.across + c]) {
-            let distance = (row - cell.row).hypot(col - cell.col);
+            let distance = libm::hypotf(row - cell.row, col - cell.col);
             if distance < two[0].0 {
                 two = [(distance, cell.tall), two[0]];
             } else if distance < two[1].0 {

@@ -76,7 +76,7 @@ impl Crater {
             let (step, part) = ((up * self.terraces).floor(), (up * self.terraces).fract());
             up = (step + smooth_step(2.0 * part - 0.6)) / self.terraces;
         }
-        let peak = self.peak.0 * (-(x / self.peak.1).powi(2)).exp();
+        let peak = self.peak.0 * libm::expf(-(x / self.peak.1).powi(2));
         let kept = 1.0 - self.wiped * smooth_step((1.0 - x) / 0.2);
         (rim + self.depth * (up.min(1.0) - 1.0 + peak), kept)
     }
@@ -84,10 +84,10 @@ impl Crater {
     /// Returns the pixel's distance from the centre over that of the rim in its direction. `rough` is the local error of the outline.
     fn distance(&self, row: f32, col: f32, rough: f32) -> f32 {
         let (down, across) = (row - self.row, col - self.col);
-        let angle = down.atan2(across);
+        let angle = libm::atan2f(down, across);
         let waves =
-            self.outline.iter().enumerate().map(|(n, (size, phase))| size * ((n + 2) as f32 * angle + phase).cos());
-        down.hypot(across) / self.radius * (1.0 + waves.sum::<f32>() + rough)
+            self.outline.iter().enumerate().map(|(n, (size, phase))| size * libm::cosf((n + 2) as f32 * angle + phase));
+        libm::hypotf(down, across) / self.radius * (1.0 + waves.sum::<f32>() + rough)
     }
 }
 

@@ -6,7 +6,7 @@ use std::f32::consts::TAU;
 /// Draws heights in pixels.
 pub(super) fn draw(canvas: &mut Canvas) -> Vec<f32> {
     let wave_px = canvas.length(7.0, 60.0);
-    let (sin, cos) = canvas.within(0.0, f64::from(TAU)).sin_cos();
+    let (sin, cos) = libm::sincosf(canvas.within(0.0, f64::from(TAU)));
     // Share of the gentle side; slope of the steep one.
     let (gentle, steep) = (canvas.within(0.5, 0.85), canvas.within(0.1, 0.6));
     let tall = steep * (1.0 - gentle) * wave_px;

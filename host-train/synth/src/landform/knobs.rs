@@ -24,7 +24,7 @@ pub(super) fn draw(canvas: &mut Canvas) -> Vec<f32> {
         let reach = |at: f32, n: usize| (at - radius).max(0.0) as usize..((at + radius).ceil() as usize).min(n);
         for r in reach(row, rows) {
             for c in reach(col, cols) {
-                let from = (r as f32 - row).hypot(c as f32 - col) / radius;
+                let from = libm::hypotf(r as f32 - row, c as f32 - col) / radius;
                 if from < 1.0 {
                     // The dome's greatest slope is 0.77 of its height over its radius.
                     let shape = if round { 1.3 * (1.0 - from * from).powi(2) } else { 1.0 - from };

@@ -19,5 +19,5 @@ pub(super) fn draw(canvas: &mut Canvas) -> Vec<f32> {
     }
     let tall = if canvas.rng.random() { tall } else { -tall };
     let mask = canvas.patches(0.5);
-    noise.values().zip(mask).map(|(n, mask)| mask * tall * (-(n / width).powi(2)).exp()).collect()
+    noise.values().zip(mask).map(|(n, mask)| mask * tall * libm::expf(-(n / width).powi(2))).collect()
 }

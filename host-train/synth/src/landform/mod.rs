@@ -42,7 +42,7 @@ impl Canvas<'_> {
 
     /// Draws a length between two, all magnitudes alike.
     pub(crate) fn length(&mut self, low: f64, high: f64) -> f32 {
-        within(self.rng, (low.ln(), high.ln())).exp() as f32
+        libm::exp(within(self.rng, (libm::log(low), libm::log(high)))) as f32
     }
 
     pub(crate) fn noise(&mut self, wave_px: f32) -> Noise {

@@ -58,10 +58,10 @@ fn lattice(rng: &mut ChaCha8Rng, [rows, cols]: [usize; 2], spacing_px: f32) -> V
 
 /// Returns normal numbers on a lattice of these spacings, across and along an angle, interpolated.
 fn stretched_lattice(rng: &mut ChaCha8Rng, [rows, cols]: [usize; 2], spacing_px: [f32; 2], angle: f32) -> Vec<f32> {
-    let (sin, cos) = f64::from(angle).sin_cos();
+    let (sin, cos) = libm::sincos(f64::from(angle));
     let [across_step, along_step] = spacing_px.map(|spacing_px| 1.0 / f64::from(spacing_px));
     // It covers the grid's diagonal in every direction.
-    let diagonal = (rows as f64).hypot(cols as f64);
+    let diagonal = libm::hypot(rows as f64, cols as f64);
     let [down, across] = [across_step, along_step].map(|step| (diagonal * step).ceil() as usize + 4);
     let nodes: Vec<f32> = (0..down * across).map(|_| StandardNormal.sample(rng)).collect();
     // The middle of the grid lies at a random place near the lattice's.
