@@ -267,16 +267,18 @@ fn the_power_of_octaves_is_that_of_the_definition() {
     let (height, width, (top, left)) = (plan.rows.len(), plan.cols.len(), plan.corner());
     let slopes: Vec<f64> = image.iter().map(|&v| f64::from(shading.along(v, light.strength()))).collect();
     let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+    // The taper rises from the edge to a quarter of the side.
+    let along = |i: usize, n: usize| {
+        let from_edge = (i as f64 + 0.5).min(n as f64 - 0.5 - i as f64);
+        (core::f64::consts::FRAC_PI_2 * (4.0 * from_edge / n as f64).min(1.0)).sin().powi(2)
+    };
+    let taper = |i: usize| along(i / cols, rows) * along(i % cols, cols);
     let mut field = vec![[0.0; 2]; height * width];
     for (i, slope) in slopes.iter().enumerate() {
-        let (r, c) = (i / cols, i % cols);
-        let weight = f64::from(raised_cosine(r, rows) * raised_cosine(c, cols));
-        field[(top + r) * width + left + c][0] = weight * (slope - mean);
+        field[(top + i / cols) * width + left + i % cols][0] = taper(i) * (slope - mean);
     }
     let total: f64 = field.iter().map(|v| v[0] * v[0]).sum();
-    let squares: f64 = (0..rows * cols)
-        .map(|i| f64::from(raised_cosine(i / cols, rows) * raised_cosine(i % cols, cols)).powi(2))
-        .sum();
+    let squares: f64 = (0..rows * cols).map(|i| taper(i).powi(2)).sum();
     let spectrum = naive_transform(&field, (height, width), -1.0);
     let wave = |k: usize, n: usize| TAU * if 2 * k > n { k as f64 - n as f64 } else { k as f64 } / n as f64;
     let mut octaves = [Power::default(); OCTAVES];
