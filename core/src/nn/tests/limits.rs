@@ -43,6 +43,9 @@ fn an_attention_may_have_a_head_for_each_channel() {
     assert_eq!(fault(&draft), None);
 }
 
+/// Changes a convolution and the form of its sources.
+type Form = fn(&mut Conv, &mut Tensor);
+
 /// A convolution and its file.
 struct Case {
     draft: Draft,
@@ -51,7 +54,7 @@ struct Case {
 
 impl Case {
     /// Makes a convolution of a map of `first` channels, and of another one of `second` channels if there are any, into `out` channels.
-    fn new((first, second): (usize, usize), out: usize, change: fn(&mut Conv, &mut Tensor)) -> Self {
+    fn new((first, second): (usize, usize), out: usize, change: Form) -> Self {
         let mut conv = Conv { kernel_rows: 2, kernel_cols: 3, ..Conv::default() };
         let mut source = Tensor { hi: 255, ..Tensor::new(Dtype::U8, (4, 5), first) };
         change(&mut conv, &mut source);
@@ -128,7 +131,7 @@ fn folded(conv: &mut Conv, source: &mut Tensor) {
 
 #[test]
 fn weights_and_biases_may_end_where_the_constants_end() {
-    let plain: fn(&mut Conv, &mut Tensor) = |_, _| ();
+    let plain: Form = |_, _| ();
     for (sources, out, form) in [((1, 0), 2, plain), ((3, 2), 20, plain), ((5, 0), 40, plain), ((3, 2), 20, folded)] {
         let mut case = Case::new(sources, out, form);
         assert_eq!(case.fault(), None, "{sources:?} into {out} channels");
@@ -165,7 +168,7 @@ fn every_weight_of_every_panel_is_validated() {
 #[test]
 fn sums_of_every_channel_stay_within_32_bits() {
     // Largest product of a weight with a code, and the share of the zero code.
-    let types: [(fn(&mut Conv, &mut Tensor), i64, i64); 3] = [
+    let types: [(Form, i64, i64); 3] = [
         (|_, _| (), 255, 0),
         (|_, t| (t.zero, t.lo) = (10, 3), 245, 10),
         (|_, t| (t.dtype, t.lo, t.hi) = (Dtype::I16, -20_000, 300), 20_000, 32_768),
