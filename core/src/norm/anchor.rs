@@ -291,7 +291,7 @@ mod tests {
 
     #[test]
     fn lines_side_by_side_have_the_same_bits() {
-        for (rows, cols) in [(8, 16), (19, 37), (3, 40)] {
+        for (rows, cols) in [(8, 16), (19, 37), (3, 40), (40, 3)] {
             let heights: Vec<f32> = (0..rows * cols).map(|i| ((i * 7919) % 613) as f32 * 0.37).collect();
             let coarse = vec![40.0; heights.len()];
             let one = anchored(5.0, &heights, &coarse, cols);

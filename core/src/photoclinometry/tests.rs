@@ -267,16 +267,18 @@ fn the_power_of_octaves_is_that_of_the_definition() {
     let (height, width, (top, left)) = (plan.rows.len(), plan.cols.len(), plan.corner());
     let slopes: Vec<f64> = image.iter().map(|&v| f64::from(shading.along(v, light.strength()))).collect();
     let mean = slopes.iter().sum::<f64>() / slopes.len() as f64;
+    // The taper rises from the edge to a quarter of the side.
+    let along = |i: usize, n: usize| {
+        let from_edge = (i as f64 + 0.5).min(n as f64 - 0.5 - i as f64);
+        (core::f64::consts::FRAC_PI_2 * (4.0 * from_edge / n as f64).min(1.0)).sin().powi(2)
+    };
+    let taper = |i: usize| along(i / cols, rows) * along(i % cols, cols);
     let mut field = vec![[0.0; 2]; height * width];
     for (i, slope) in slopes.iter().enumerate() {
-        let (r, c) = (i / cols, i % cols);
-        let weight = f64::from(raised_cosine(r, rows) * raised_cosine(c, cols));
-        field[(top + r) * width + left + c][0] = weight * (slope - mean);
+        field[(top + i / cols) * width + left + i % cols][0] = taper(i) * (slope - mean);
     }
     let total: f64 = field.iter().map(|v| v[0] * v[0]).sum();
-    let squares: f64 = (0..rows * cols)
-        .map(|i| f64::from(raised_cosine(i / cols, rows) * raised_cosine(i % cols, cols)).powi(2))
-        .sum();
+    let squares: f64 = (0..rows * cols).map(|i| taper(i).powi(2)).sum();
     let spectrum = naive_transform(&field, (height, width), -1.0);
     let wave = |k: usize, n: usize| TAU * if 2 * k > n { k as f64 - n as f64 } else { k as f64 } / n as f64;
     let mut octaves = [Power::default(); OCTAVES];
@@ -343,6 +345,65 @@ fn dark_pixels_do_not_flatten_slopes() {
     // A tenth of the mean is the limit.
     assert!(largest(0.0) < 0.6, "{}", largest(0.0));
     assert!(largest(20.0) > 1.0, "{}", largest(20.0));
+}
+
+/// A pixel as bright as the limit of dark pixels is lit: its slope is what its brightness says.
+#[test]
+fn pixels_at_the_limit_are_lit() {
+    let (rows, cols) = (48, 64);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    let light = Light { east: 4.0, south: 0.0 };
+    let shading = Shading::new(&[99.0, 101.0][..], light).unwrap();
+    let coarse: Vec<f32> = (0..rows * cols).map(|i| -0.6 * ((i % cols) as f32 - 29.5).clamp(0.0, 8.0)).collect();
+    let largest = |dark: f32| {
+        let bright = |_: usize, out: &mut [f32]| {
+            out.fill(100.0);
+            out[30..38].fill(dark);
+        };
+        let heights = |row: usize, out: &mut [f32]| out.copy_from_slice(&coarse[row * cols..][..cols]);
+        let mut scratch = vec![0.0; plan.scratch_len()];
+        let tile = LitTile { brightness: bright, coarse: heights, shading: &shading, light, coarse_px: 30.0 };
+        let relief = plan.relief(&tile, PLAIN.0, PLAIN.1, &mut scratch).unwrap();
+        (0..rows).flat_map(|row| relief.part(row * cols, cols)).fold(0.0f32, |most, h| most.max(h.abs()))
+    };
+    let limit = shading.dark_below();
+    assert!(largest(limit) > 1.0 && largest(limit.next_down()) < 0.6, "{}", largest(limit));
+}
+
+/// Flight software plans by the stated cost of a unit: the cost of each pass is that of the field, and grows with it.
+#[test]
+fn the_cost_of_each_pass_grows_with_the_field() {
+    let light = Light { east: 1.0, south: 0.5 };
+    let share = Share::WHOLE;
+    let costs = |rows: usize, cols: usize, task: &Task<'_>| {
+        let plan = Photoclinometry::new(Shape::new(rows, cols));
+        let shading = Shading::new(&[99.0, 101.0][..], light).unwrap();
+        let (bright, level) = (|_: usize, out: &mut [f32]| out.fill(100.0), |_: usize, out: &mut [f32]| out.fill(0.0));
+        let tile = LitTile { brightness: bright, coarse: level, shading: &shading, light, coarse_px: 30.0 };
+        let (mut work, mut scratch, mut costs) = (FieldWork::default(), vec![0.0; plan.scratch_len()], vec![0; 10]);
+        loop {
+            let pass = work.pass as usize;
+            match plan.advance(&mut work, task, &tile, &mut scratch).unwrap() {
+                Some(cost) => costs[pass] += cost,
+                None => return costs,
+            }
+        }
+    };
+    for task in [Task::Contrast, Task::Relief { share: &share, trust: 1.0 }] {
+        let one = costs(80, 80, &task);
+        // Each pass changes the 128 x 128 values of the field, each of them by several operations.
+        let passes = one.iter().take_while(|cost| **cost > 0);
+        assert!(passes.clone().count() >= 8 && passes.clone().all(|cost| *cost >= 5 * 128 * 128), "{one:?}");
+        for (rows, cols) in [(208, 80), (80, 208)] {
+            // With its margins of 24 pixels the field is twice as large, the tile 2.6 times. Tables follow the longer side.
+            for (pass, (one, two)) in
+                one.iter().zip(costs(rows, cols, &task)).enumerate().filter(|(_, (one, _))| **one > 0)
+            {
+                let ratio = two as f64 / *one as f64;
+                assert!((1.8..=2.7).contains(&ratio), "{rows} x {cols}, pass {pass}: {ratio}");
+            }
+        }
+    }
 }
 
 /// A wide shadow shows nothing of the ground in it, and changes nothing beside it.

@@ -5,6 +5,7 @@ mod conv;
 pub(crate) mod draft;
 mod kernels;
 mod layer_norm;
+mod limits;
 mod model;
 mod program;
 mod random;

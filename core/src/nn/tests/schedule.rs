@@ -180,6 +180,21 @@ fn a_sum_may_not_take_a_place_that_is_still_read() {
     assert!(validate(&chain.draft).is_err());
 }
 
+/// A map that keeps one row may be overwritten by a sum that adds it, and by no other map.
+#[test]
+fn only_a_sum_takes_the_place_of_a_ring() {
+    let mut chain = chain();
+    let (c, sum) = (chain.c, chain.sum);
+    (chain.draft.tensors[c].ring, chain.draft.tensors[sum].ring) = (1, 1);
+    chain.draft.tensors[sum].offset = chain.draft.tensors[c].offset;
+    assert_eq!(validate(&chain.draft), Ok(()));
+    let Operator::Conv(mut conv) = chain.draft.operators[SUM] else { panic!() };
+    conv.add = None;
+    chain.draft.operators[SUM] = Operator::Conv(conv);
+    let found = Model::new(&chain.draft.file()).map(|_| ());
+    assert_eq!(found, Err(ModelError::Tensor { tensor: sum as u32 }));
+}
+
 #[test]
 fn tensors_alive_together_may_not_share_bytes() {
     let chain = chain();
