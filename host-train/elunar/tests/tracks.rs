@@ -62,9 +62,9 @@ fn an_error_that_no_image_shows_is_found_along_tracks() {
     assert!(wrong_m < 2.0 * number("mean_sd_m") + 0.5, "{tracks}");
     assert!((7.0..10.0).contains(&number("sigma_m")), "{tracks}");
     assert!(said.contains("from 57 laser points of 3 tracks without 3 outliers; DTM minus points"), "{said}");
-    let stated = read_item(at.join("e.tif"), "COARSE_SIGMA_FROM").unwrap().unwrap();
+    let stated = read_item(&at.join("e.tif"), "COARSE_SIGMA_FROM").unwrap().unwrap();
     assert!(stated.contains("57 laser points of 3 tracks"), "{stated}");
-    let options = read_item(at.join("dtm.tif"), "OPTIONS").unwrap().unwrap();
+    let options = read_item(&at.join("dtm.tif"), "OPTIONS").unwrap().unwrap();
     assert!(options.contains(" tracks_sha256="), "{options}");
     // What is assumed is far too small; what is found is not.
     let covered = |errors: &str| -> f64 {
@@ -117,8 +117,8 @@ fn tracks_that_say_too_little_are_refused_in_one_line() {
         ),
         (&["--tracks", "beyond.csv"], 65, "found in 0 on 0"),
         (&["--tracks", "one.csv"], 65, " on 1 (times cut tracks; a table without times is one)"),
-        (&["--tracks", "unnamed.csv"], 66, "a heading with longitude, latitude and radius or height expected"),
-        (&["--tracks", "absent.csv"], 66, "absent.csv"),
+        (&["--tracks", "unnamed.csv"], 65, "a heading with longitude, latitude and radius or height expected"),
+        (&["--tracks", "absent.csv"], 65, "absent.csv"),
         (
             &["--tracks", "good.csv", "--coarse-sigma", "2"],
             64,

@@ -38,12 +38,14 @@ impl SpotGrid {
         self.projection.radius_m()
     }
 
-    /// Returns row and column of a spot between the centres of the first and the last pixels; `None` outside. (0, 0) is the centre of the
-    /// first pixel.
+    /// Returns row and column of a spot between the centres of the first and the last pixels, to a thousandth of a pixel; `None` outside.
+    /// (0, 0) is the centre of the first pixel. A spot on a centre then has no weight on the neighbours, which may be void.
     #[must_use]
     pub fn place(&self, spot: &LaserSpot) -> Option<(f64, f64)> {
         let is_on = |at: f64, pixels: usize| at >= 0.0 && at <= pixels as f64 - 1.0;
-        self.places(spot).find(|(row, col)| is_on(*row, self.shape.0) && is_on(*col, self.shape.1))
+        let rounded = |at: f64| (1000.0 * at).round() / 1000.0;
+        let mut places = self.places(spot).map(|(row, col)| (rounded(row), rounded(col)));
+        places.find(|(row, col)| is_on(*row, self.shape.0) && is_on(*col, self.shape.1))
     }
 
     /// Returns all rows and columns of a spot, on the raster or not: a meridian has several values of x, in degrees as in metres.
