@@ -3,19 +3,26 @@
 
     host-train/suites/estimates.py OUT anchor     RMSE over the coarse DTM's: the anchor, none, and long waves as a weighted mean
     host-train/suites/estimates.py OUT sigma      scenes whose heights are within 0.55-0.80 and 0.88-0.99 of 1 and 1.96 expected standard
-                                                  deviations: as they are, with the coarse DTM's sigma told, or found along laser tracks
+                                                  deviations: as they are, with the coarse DTM's sigma told, or as `predict --tracks` finds it
+                                                  along simulated laser tracks; from the coarse DTM itself, too (`without relief`)
+    host-train/suites/estimates.py OUT floor      the same for fewer laser spots than `predict` takes, without the program
     host-train/suites/estimates.py OUT ceiling    the same if the error's standard deviation is known, and its map is not
 
 The weighted mean compares like with like: a coarse height is a mean over a coarse pixel, so the DTM without anchor is averaged over one, too. A part
-of the difference's low-pass (three boxes) is taken away. Needs numpy, scipy and rasterio.
+of the difference's low-pass (three boxes) is taken away. PROGRAM: host-train (default: built by cargo). Needs numpy, scipy and rasterio.
 """
 
+import json
+import os
 import pathlib
+import subprocess
 import sys
+import tempfile
 import zlib
 
 import numpy as np
 import rasterio
+import rasterio.warp
 from external import sldem_errors
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
 
@@ -23,7 +30,9 @@ LISTS = "real", "real-erring", "apollo15", "independent", "stereolunar", "suite"
 WEIGHTS, HALF_WIDTHS_COARSE_PX = (0.5, 0.7, 1.0), (0.5, 0.75)
 # Standard deviation of the errors in `real-erring` in coarse pixels: 2.6 m and 1.5 m for 59.2 m.
 ERRING_SIGMA_PX = np.hypot(2.6, 1.5) / 59.2
-TRACKS, DRAWS = (2, 4, 8), 5
+TRACKS, DRAWS = (4, 2, 8), 2
+FEW_SPOTS, FEW_TRACKS, FEW_DRAWS = (5, 10, 15, 20, 30), (1, 2, 3), 12
+PROGRAM = os.environ.get("PROGRAM", "cargo run --release --quiet --package host-train --").split()
 RANGES = np.array([[0.55, 0.80], [0.88, 0.99]])
 
 
@@ -126,40 +135,106 @@ def report(part, how, of):
 
 
 def along_tracks(scene, sds, tracks, random):
-    """Pixels of laser spots: one for each coarse pixel's length along slanted tracks from the upper edge to the lower."""
+    """Pixels of laser spots, track by track: one for each coarse pixel's length along slanted tracks from the upper edge to the lower."""
     rows, cols = scene.dtm.shape
     step, spots = max(1, round(scene.coarse_px)), []
     for track in range(tracks):
         row = np.arange(random.integers(step), rows, step)
         col = np.round((track + random.random()) * cols / tracks + 0.15 * (2 * random.random() - 1) * (row - rows / 2)).astype(int)
         inside = (0 <= col) & (col < cols)
-        spots.append((row[inside], col[inside]))
-    row, col = np.concatenate(spots, 1)
-    valid = np.isfinite((scene.dtm - scene.truth + sds)[row, col])
-    return row[valid], col[valid]
+        row, col = row[inside], col[inside]
+        valid = np.isfinite((scene.dtm - scene.truth + sds)[row, col])
+        spots.append((row[valid], col[valid]))
+    return spots
+
+
+def square_along(errors, from_image, at):
+    """Mean square of the coarse DTM's own error along tracks, as host-train/scene/src/predict/sigma.rs has it."""
+    off = np.abs(errors[at] - np.median(errors[at]))
+    kept = off <= max(1.0, 5 * 1.4826 * np.median(off))
+    return max(0.0, np.mean((errors**2 - from_image**2)[at][kept]))
+
+
+def by_program(out, part, name, scene, spots):
+    """The standard deviations of heights, and that of the coarse DTM, from `predict --tracks`; None where it refuses the tracks."""
+    with rasterio.open(out / part / "scenes" / f"{name}_image.tif") as file:
+        known = file.crs.to_dict()
+        sphere = rasterio.crs.CRS.from_proj4(f"+proj=longlat +R={known.get('R', known.get('a'))} +no_defs")
+        place = lambda at: rasterio.warp.transform(file.crs, sphere, *rasterio.transform.xy(file.transform, *at))
+        places = [place(at) if at[0].size else ((), ()) for at in spots]
+    with tempfile.TemporaryDirectory() as folder:
+        folder = pathlib.Path(folder)
+        with open(folder / "tracks.csv", "w") as table:
+            print("time,lon,lat,height_m", file=table)
+            for track, (at, (lon, lat)) in enumerate(zip(spots, places)):
+                for one in zip(lon, lat, scene.truth[at]):
+                    print(10_000 * track, *(f"{value:.9f}" for value in one), sep=",", file=table)
+        words = ["predict", "-q", "--fit-sun", "--threads", "1", "--json", "--model", "nano"]
+        for option, kind in (("--image", "image"), ("--coarse", "coarse")):
+            words += [option, out / part / "scenes" / f"{name}_{kind}.tif"]
+        words += ["-o", folder / "dtm.tif", "--uncertainty", folder / "e.tif", "--tracks", folder / "tracks.csv"]
+        made = subprocess.run([*PROGRAM, *words], capture_output=True, text=True)
+        if made.returncode == 65 and "coarse pixels on 2 tracks expected" in made.stderr:
+            return None
+        if made.returncode:
+            sys.exit(f"{part} {name}: {made.stderr}")
+        return read(folder / "e.tif")[0], json.loads(made.stdout)["uncertainty"]["tracks"]["sigma_m"]
+
+
+def sure(out, part):
+    """Scenes with their expected errors, without and with the coarse DTM's."""
+    for name in names(out, part):
+        scene = Scene(out, part, name, out / "sure" / part / f"{name}.tif")
+        sds, _, tags = read(out / "sure" / part / f"{name}_e.tif")
+        yield name, scene, np.sqrt(np.maximum(sds**2 - float(tags["COARSE_SIGMA_M"]) ** 2, 0)), sds
 
 
 def sigma(out):
     print("list, sigma of the coarse DTM; heights within 1 and 1.96 sd: mean (least, most), scenes in range")
     for part in ("real", "real-erring", "suite"):
-        of = {}
-        for name in names(out, part):
-            scene = Scene(out, part, name, out / "sure" / part / f"{name}.tif")
-            sds, _, tags = read(out / "sure" / part / f"{name}_e.tif")
-            from_image = np.maximum(sds**2 - float(tags["COARSE_SIGMA_M"]) ** 2, 0)
+        of, refused = {}, 0
+        for name, scene, from_image, sds in sure(out, part):
             errors = scene.dtm - scene.truth
+            add = lambda how, sigma_m: of.setdefault(how, []).append(shares(errors, np.hypot(from_image, sigma_m)))
             of.setdefault("assumed", []).append(shares(errors, sds))
             if part != "suite":
-                told = ERRING_SIGMA_PX * scene.coarse_m if part == "real-erring" else 1e-6
-                of.setdefault("told", []).append(shares(errors, np.sqrt(from_image + told**2)))
+                add("told", ERRING_SIGMA_PX * scene.coarse_m if part == "real-erring" else 1e-6)
             for tracks in TRACKS:
                 for draw in range(DRAWS):
-                    at = along_tracks(scene, sds, tracks, np.random.default_rng([zlib.crc32(name.encode()), tracks, draw]))
-                    if not at[0].size:
+                    spots = along_tracks(scene, sds, tracks, np.random.default_rng([zlib.crc32(name.encode()), tracks, draw]))
+                    found = by_program(out, part, name, scene, spots)
+                    if not found:
+                        refused += 1
                         continue
-                    # The smooth error that explains what the image's part leaves of the mean square.
-                    more = max(0.0, np.mean(errors[at] ** 2) - np.mean(from_image[at]))
-                    of.setdefault(f"from {tracks} tracks", []).append(shares(errors, np.sqrt(from_image + more + 1e-12)))
+                    at = tuple(np.concatenate(spots, 1))
+                    expected = np.sqrt(square_along(errors, from_image, at))
+                    if abs(found[1] - expected) > 0.02 * expected + 0.02:
+                        sys.exit(f"{part} {name}, {tracks} tracks, draw {draw}: {expected} m expected, the program found {found[1]} m")
+                    of.setdefault(f"from {tracks} tracks", []).append(shares(errors, found[0]))
+                    add(f"{tracks}, without relief", np.sqrt(np.mean((scene.coarse - scene.truth)[at] ** 2)))
+        for how, one in of.items():
+            report(part, how, np.array(one))
+        print(f"{part:12} {refused} draws refused: too few spots", flush=True)
+
+
+def floor(out):
+    """Pieces of so many spots in a row of each track."""
+    print("list, spots of tracks; heights within 1 and 1.96 sd: mean (least, most), scenes in range")
+    for part in ("real", "real-erring", "suite"):
+        of = {}
+        for name, scene, from_image, sds in sure(out, part):
+            errors, random = scene.dtm - scene.truth, np.random.default_rng(zlib.crc32(name.encode()))
+            of.setdefault("assumed", []).append(shares(errors, sds))
+            for tracks, number in ((tracks, number) for tracks in FEW_TRACKS for number in FEW_SPOTS):
+                for _ in range(FEW_DRAWS):
+                    lengths = [number // tracks + (track < number % tracks) for track in range(tracks)]
+                    spots = along_tracks(scene, sds, tracks, random)
+                    if any(row.size < length for (row, _), length in zip(spots, lengths)):
+                        continue
+                    first = [random.integers(row.size - length + 1) for (row, _), length in zip(spots, lengths)]
+                    pieces = [(row[at : at + n], col[at : at + n]) for (row, col), at, n in zip(spots, first, lengths)]
+                    more = square_along(errors, from_image, tuple(np.concatenate(pieces, 1)))
+                    of.setdefault(f"{number} of {tracks}", []).append(shares(errors, np.sqrt(from_image**2 + more + 1e-12)))
         for how, one in of.items():
             report(part, how, np.array(one))
 
@@ -174,10 +249,10 @@ def ceiling():
 
 
 def main():
-    if len(sys.argv) != 3 or sys.argv[2] not in ("anchor", "sigma", "ceiling"):
+    if len(sys.argv) != 3 or sys.argv[2] not in ("anchor", "sigma", "floor", "ceiling"):
         sys.exit(__doc__)
     out = pathlib.Path(sys.argv[1])
-    ceiling() if sys.argv[2] == "ceiling" else {"anchor": anchor, "sigma": sigma}[sys.argv[2]](out)
+    ceiling() if sys.argv[2] == "ceiling" else {"anchor": anchor, "sigma": sigma, "floor": floor}[sys.argv[2]](out)
 
 
 main()

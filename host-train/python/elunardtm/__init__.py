@@ -232,6 +232,7 @@ class Model:
         fit_sun: bool = False,
         uncertainty: bool = False,
         coarse_sigma: float | None = None,
+        tracks: Path | Sequence[Path] | None = None,
         overlap: int | None = None,
         no_anchor: bool = False,
         threads: int = 0,
@@ -246,7 +247,7 @@ class Model:
 
         ``sun_azimuth`` is degrees clockwise from the grid's up, ``sun_elevation`` degrees above the horizon. Angles that are not given follow
         from ``time`` (a text in UTC, or a datetime); else they are those that the image's file states, unless ``fit_sun``, or fitted. ``uncertainty`` also makes the expected errors, from the standard deviation of
-        the coarse DTM's own heights, ``coarse_sigma``, metres [default: 0.04 of its pixels, at most 3 m]. ``overlap`` is that of neighbouring tiles,
+        the coarse DTM's own heights, ``coarse_sigma``, metres [default: 0.04 of its pixels, at most 3 m], or found along laser altimeter ``tracks``, one table or several. ``overlap`` is that of neighbouring tiles,
         pixels. ``no_anchor`` takes the low frequencies from the network. ``threads``: 0 takes as many as the machine offers. ``progress`` is a
         function of (tiles done, all tiles), True for a bar of tqdm, False for none, ``"auto"`` for a bar in notebooks.
 
@@ -276,7 +277,7 @@ class Model:
                 "fit_sun": fit_sun, "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
             }
         )  # fmt: skip
-        words += _words({"coarse_sigma": coarse_sigma, "uncertainty": "errors.tif" if uncertainty else None})
+        words += _words({"coarse_sigma": coarse_sigma, "tracks": tracks, "uncertainty": "errors.tif" if uncertainty else None})
         more = {"model": self._model, "expected_errors": uncertainty, "coarse_pixel_m": coarse_pixel_size}
         outcome = _call(words, [seen, ground], True, progress, **more)
         return _prediction(seen, outcome)
@@ -298,6 +299,7 @@ class Model:
         fit_sun: bool = False,
         uncertainty: Path | None = None,
         coarse_sigma: float | None = None,
+        tracks: Path | Sequence[Path] | None = None,
         report: Path | None = None,
         stac: Path | None = None,
         pds4: Path | None = None,
@@ -325,7 +327,7 @@ class Model:
                 "image": image, "coarse": coarse, "output": output, "image_srs": _grids.crs_text(image_srs),
                 "coarse_srs": _grids.crs_text(coarse_srs), "coarse_unit": coarse_unit, "image_nodata": image_nodata,
                 "coarse_nodata": coarse_nodata, "sun_azimuth": sun_azimuth, "sun_elevation": sun_elevation,
-                "time": _utc(time), "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "report": report,
+                "time": _utc(time), "fit_sun": fit_sun, "uncertainty": uncertainty, "coarse_sigma": coarse_sigma, "tracks": tracks, "report": report,
                 "stac": stac, "pds4": pds4, "part_dir": part_dir, "overlap": overlap, "no_anchor": no_anchor, "threads": threads,
             }
         )  # fmt: skip

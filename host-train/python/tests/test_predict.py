@@ -118,6 +118,8 @@ def test_errors_are_the_one_line_of_the_program(scene, tmp_path):
         (elunardtm.UsageError, {"crs": "EPSG:nonsense"}, "image: crs:"),
         (elunardtm.UsageError, {"threads": 5000}, "a number from 0 to 1024 expected"),
         (elunardtm.UsageError, {"coarse_sigma": 3.0}, "--uncertainty"),
+        (elunardtm.UsageError, {"tracks": ["a.csv", "b.csv"]}, "--uncertainty"),
+        (elunardtm.InputError, {"tracks": "absent.csv", "uncertainty": True}, "absent.csv"),
         (elunardtm.InputError, {"coarse_transform": (60, 0, 9e6, 0, -60, 0)}, "none found"),
     ]
     for kind, more, text in cases:

@@ -13,9 +13,10 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 /// Options of `predict` that a line may state, by their names with `_` for `-`.
-const OPTIONS: [&str; 9] = [
+const OPTIONS: [&str; 10] = [
     "uncertainty",
     "coarse_sigma",
+    "tracks",
     "image_srs",
     "coarse_srs",
     "coarse_unit",
@@ -143,7 +144,7 @@ impl BatchItem {
             let field = format!("options.{name}");
             let words = option_words(name, value).map_err(|what| (field.clone(), what))?;
             let all = ["predict", "--image=i", "--coarse=c", "--model=m", "--output=o"].map(String::from);
-            let uncertain = (name == "coarse_sigma").then(|| "--uncertainty=e".to_string());
+            let uncertain = matches!(name.as_str(), "coarse_sigma" | "tracks").then(|| "--uncertainty=e".to_string());
             if let Err(error) = Line::try_parse_from(all.into_iter().chain(words).chain(uncertain)) {
                 let text = error.to_string();
                 let first = text.lines().next().unwrap_or_default();
@@ -197,7 +198,7 @@ impl BatchItem {
         words.extend(self.image_sha256.as_ref().map(|hash| format!("--image-sha256={hash}")));
         words.extend(self.coarse_sha256.as_ref().map(|hash| format!("--coarse-sha256={hash}")));
         for (name, value) in &self.options {
-            let is_path = name == "uncertainty";
+            let is_path = matches!(name.as_str(), "uncertainty" | "tracks");
             let value = match value.as_str() {
                 Some(path) if is_path => Value::String(at(Path::new(path))),
                 _ => value.clone(),
@@ -255,14 +256,16 @@ mod tests {
     use super::*;
 
     const GOOD: &str = r#"{"id":"a","image":"a.tif","coarse":"c.tif","model":"m.eld","output":"out/a.tif","sun_azimuth":12.5,
-        "options":{"overlap":80,"no_anchor":true,"fit_sun":false,"coarse_unit":"km","image_nodata":-1},"rows":5}"#;
+        "options":{"overlap":80,"no_anchor":true,"fit_sun":false,"coarse_unit":"km","image_nodata":-1,
+        "uncertainty":"e.tif","tracks":"t.csv"},"rows":5}"#;
 
     #[test]
     fn a_line_becomes_the_words_of_predict() {
         let item = BatchItem::parse(GOOD).unwrap();
         let words = item.words(Path::new("/data")).unwrap().join(" ");
         let expected = "--image=/data/a.tif --coarse=/data/c.tif --model=/data/m.eld --output=/data/out/a.tif \
-            --sun-azimuth=12.5 --coarse-unit=km --image-nodata=-1 --no-anchor --overlap=80";
+            --sun-azimuth=12.5 --coarse-unit=km --image-nodata=-1 --no-anchor --overlap=80 \
+            --tracks=/data/t.csv --uncertainty=/data/e.tif";
         assert_eq!(words, expected);
         let again = BatchItem::parse(&serde_json::to_string(&item).unwrap()).unwrap();
         assert_eq!(again, item);

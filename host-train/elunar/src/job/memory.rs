@@ -3,6 +3,7 @@
 use super::Watch;
 use super::request::Request;
 use super::task::Work;
+use super::tracks::{Seen, Tracks};
 use super::write::Found;
 use crate::held::Held;
 use elunar_base::{Error, Result};
@@ -64,18 +65,21 @@ pub fn predict(
     let survey = survey(&work.scene)?;
     let warnings = work.warn(args, &survey, &work.lighting(&survey))?;
     let survey_s = watch.lap_s();
-    let sigma_m = work.coarse_sigma_m(args);
-    let mut maps = Maps::new(shape, expected_errors.then_some(sigma_m))?;
+    let mut maps = Maps::new(shape, *expected_errors)?;
+    let mut seen = work.tracks.as_ref().map(Tracks::seen);
     let mut keep = |rows: &[f32]| {
         maps.add(rows);
+        seen.iter_mut().for_each(|seen| seen.add(rows));
         Ok(())
     };
     let span = Span { rows: 0..shape.0, from: 0 };
     let tally = tiles(|progress| work.predict(work.light(&survey), &span, &mut keep, progress))?;
+    let coarse_sigma = seen.map_or_else(|| Ok(work.told_or_assumed(args)), Seen::sigma)?;
+    maps.add_coarse(coarse_sigma.sigma_m);
     let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
-    let (mut found, finished) = (Found { survey, warnings, start, phases }, maps.finished());
+    let (mut found, finished) = (Found { survey, warnings, coarse_sigma, start, phases }, maps.finished());
     found.warn_of_heights(args, &work, &finished);
-    let errors = finished.origins.map(|origins| ErrorsRecord::new(Path::new(""), sigma_m, &origins));
+    let errors = finished.origins.map(|origins| ErrorsRecord::new(Path::new(""), coarse_sigma, &origins));
     let json = found.record(args, &work, &tally, &finished, errors).json();
     Ok(PredictedMaps { maps, shape, georef: work.scene.georef, json })
 }

@@ -11,6 +11,7 @@ mod report;
 mod request;
 mod stac;
 mod task;
+mod tracks;
 pub mod words;
 mod write;
 
@@ -19,12 +20,12 @@ use elunar_base::output::Owner;
 use elunar_base::{Error, HAS_THREADS, Result, caller, interrupt, say};
 use elunar_net::shipped;
 use elunar_net::sun::check_sun;
-use elunar_scene::predict::job::{fill, fill_files, survey};
+use elunar_scene::predict::job::{Keep, fill, fill_files, survey};
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::record::Phases;
 use elunar_scene::predict::rows::{RowsHead, RowsReader, RowsWriter, rows_path};
 use elunar_scene::predict::span::{PartOf, Span};
-use elunar_scene::predict::{PartFile, Tally, int8, part_path, survey_path};
+use elunar_scene::predict::{PartFile, Tally, TileProgress, int8, part_path, survey_path};
 pub use inputs::{Inputs, Opened};
 pub use memory::{MemoryJob, PredictedMaps, predict};
 pub use request::Request;
@@ -130,12 +131,24 @@ fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileMod
     let survey_s = watch.lap_s();
     let part = PartFile::open_at(path, &task.identity.job, task.width(), owner.is_successor())?;
     let (rows, light) = (task.work.scene.rows, task.work.light(&survey));
-    let mut files = write::begin(args, &task, &light)?;
-    let (part, tally) = fill_files(part, rows, (&mut files, &owner), |from, keep, progress| {
-        task.work.predict(light, &Span { rows: 0..rows, from }, keep, progress)
-    })?;
+    let make = |from, keep: Keep, progress: TileProgress| {
+        task.work.predict(task.work.light(&survey), &Span { rows: 0..rows, from }, keep, progress)
+    };
+    let (part, tally, files, coarse_sigma) = if task.work.tracks.is_some() {
+        // What the file of expected errors holds is known with the last row.
+        let (mut part, tally) = fill(part, rows, &owner, make)?;
+        let coarse_sigma = task.work.coarse_sigma(args, |see| part.read(see))?;
+        let mut files = write::begin(args, &task, &light, coarse_sigma)?;
+        part.read(&mut |rows| files.add(rows))?;
+        (part, tally, files, coarse_sigma)
+    } else {
+        let coarse_sigma = task.work.told_or_assumed(args);
+        let mut files = write::begin(args, &task, &light, coarse_sigma)?;
+        let (part, tally) = fill_files(part, rows, (&mut files, &owner), make)?;
+        (part, tally, files, coarse_sigma)
+    };
     let phases = Phases { survey_s, tiles_s: watch.lap_s(), write_s: 0.0 };
-    let found = Found { survey, warnings, start, phases };
+    let found = Found { survey, warnings, coarse_sigma, start, phases };
     let done = write::end(args, &task, files, &tally, found, &owner)?;
     part.remove()?;
     Ok(done)
@@ -219,10 +232,13 @@ pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box
     let mut phases = Phases { survey_s: watch.lap_s(), ..Phases::default() };
     let light = task.work.light(&survey);
     (tally.light, tally.change) = (light.whole, light.change());
-    let mut files = write::begin(args, &task, &light)?;
-    paths.iter().try_for_each(|path| RowsReader::open(path)?.read(&mut |rows| files.add(rows)))?;
+    let read = |see: Keep| paths.iter().try_for_each(|path| RowsReader::open(path)?.read(&mut *see));
+    let coarse_sigma = task.work.coarse_sigma(args, &read)?;
+    let mut files = write::begin(args, &task, &light, coarse_sigma)?;
+    read(&mut |rows| files.add(rows))?;
     phases.write_s = watch.lap_s();
-    let done = write::end(args, &task, files, &tally, Found { survey, warnings, start, phases }, &owner)?;
+    let found = Found { survey, warnings, coarse_sigma, start, phases };
+    let done = write::end(args, &task, files, &tally, found, &owner)?;
     paths.iter().chain([&survey_at]).try_for_each(|path| std::fs::remove_file(path).map_err(Error::io(path)))?;
     Ok(done)
 }

@@ -23,6 +23,10 @@ pub struct Request {
     /// Standard deviation of the coarse DTM's own heights, metres [default: 0.04 of its pixels, at most 3 m].
     #[arg(long, value_name = "M", value_parser = metres, requires = "uncertainty")]
     pub coarse_sigma: Option<f32>,
+    /// Find the standard deviation of the coarse DTM's own heights along laser altimeter tracks across the image: tables of points, one or
+    /// several, as for `lola`, with a heading.
+    #[arg(long, value_name = "F.csv", num_args = 1.., requires = "uncertainty", conflicts_with = "coarse_sigma")]
+    pub tracks: Vec<PathBuf>,
     /// Write a page that shows image, coarse DTM and DTM as a relief under a light that the reader turns, with what was found. The page
     /// needs no other file.
     #[arg(long, value_name = "PAGE.html")]
@@ -55,8 +59,9 @@ pub struct Request {
 
 impl Request {
     /// Returns the files that are read.
-    pub(super) fn read(&self) -> [&Path; 3] {
-        [&self.inputs.image, &self.inputs.coarse, &self.model]
+    pub(super) fn read(&self) -> Vec<&Path> {
+        let inputs = [&self.inputs.image, &self.inputs.coarse, &self.model];
+        inputs.into_iter().chain(&self.tracks).map(PathBuf::as_path).collect()
     }
 
     /// Returns what is written besides the DTM.

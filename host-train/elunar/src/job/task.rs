@@ -2,19 +2,21 @@
 
 use super::inputs::Opened;
 use super::request::Request;
+use super::tracks::Tracks;
 use super::words;
 use crate::held::Held;
+use elunar_base::digest::sha256;
 use elunar_base::{Error, Result, say};
 use elunar_core::sun::UtcTime;
 use elunar_net::illumination::Lighting;
 use elunar_raster::pds4;
 use elunar_scene::mosaic::BLEND;
-use elunar_scene::predict::errors::assumed_sigma_m;
 use elunar_scene::predict::identity::{self, Identity, content_of_input, job_note};
 use elunar_scene::predict::job::{Keep, survey};
 use elunar_scene::predict::neighbourhoods::SceneLight;
 use elunar_scene::predict::network::TileModel;
 use elunar_scene::predict::notices::notices;
+use elunar_scene::predict::sigma::CoarseSigma;
 use elunar_scene::predict::span::Span;
 use elunar_scene::predict::sun::KnownFrom;
 use elunar_scene::predict::{
@@ -29,6 +31,8 @@ pub(super) struct Work {
     pub(super) sun: KnownFrom,
     /// When the image was taken, if that is known.
     pub(super) time: Option<UtcTime>,
+    /// Laser altimeter tracks, if they are to say how large the coarse DTM's own errors are.
+    pub(super) tracks: Option<Tracks>,
     pub(super) options: PredictOptions,
 }
 
@@ -52,6 +56,8 @@ impl Work {
         }
         let Opened { scene, sun, image } = args.inputs.open(held)?;
         let time = args.inputs.time.or(image.source.info().sun.time);
+        let is_tracked = expected_errors && !args.tracks.is_empty();
+        let tracks = is_tracked.then(|| Tracks::open(&args.tracks, &scene, &image.name)).transpose()?;
         let options = PredictOptions {
             overlap_px: args.overlap.unwrap_or_else(|| PredictOptions::overlap_for(model.tile())),
             anchor: !args.no_anchor,
@@ -59,7 +65,7 @@ impl Work {
             sun: sun.sun,
             expected_errors,
         };
-        Ok(Self { model, scene, sun, time, options })
+        Ok(Self { model, scene, sun, time, tracks, options })
     }
 
     pub(super) fn lighting(&self, survey: &Survey) -> Lighting {
@@ -83,9 +89,29 @@ impl Work {
         predict_span(&self.scene, self.model.as_ref(), &self.options, light, span, keep, progress)
     }
 
-    /// Returns the standard deviation of the coarse DTM's own heights, metres.
-    pub(super) fn coarse_sigma_m(&self, args: &Request) -> f32 {
-        args.coarse_sigma.unwrap_or_else(|| assumed_sigma_m(self.scene.coarse_px * self.scene.pixel_m))
+    /// Returns the standard deviation of the coarse DTM's own heights without tracks.
+    pub(super) fn told_or_assumed(&self, args: &Request) -> CoarseSigma {
+        CoarseSigma::told_or_assumed(args.coarse_sigma, self.scene.coarse_px * self.scene.pixel_m)
+    }
+
+    /// Returns the standard deviation of the coarse DTM's own heights. Tracks need the finished rows, which `read` passes on, all in order.
+    ///
+    /// # Errors
+    /// Errors of `read`; if too few points of tracks lie on heights.
+    pub(super) fn coarse_sigma(
+        &self,
+        args: &Request,
+        read: impl FnOnce(&mut dyn FnMut(&[f32]) -> Result<()>) -> Result<()>,
+    ) -> Result<CoarseSigma> {
+        let Some(tracks) = &self.tracks else {
+            return Ok(self.told_or_assumed(args));
+        };
+        let mut seen = tracks.seen();
+        read(&mut |rows| {
+            seen.add(rows);
+            Ok(())
+        })?;
+        seen.sigma()
     }
 }
 
@@ -134,11 +160,13 @@ impl Task {
 fn identity(args: &Request, options: &PredictOptions, model: &str) -> Result<Identity> {
     let known = |stated: &Option<String>, path: &Path| stated.clone().map_or_else(|| content_of_input(path), Ok);
     let image = known(&args.image_sha256, &args.inputs.image)?;
-    Ok(Identity::new(image, known(&args.coarse_sha256, &args.inputs.coarse)?, model, in_words(args, options)))
+    let tables = args.tracks.iter().map(|path| sha256(path)).collect::<Result<Vec<_>>>()?;
+    let options = in_words(args, options, &tables);
+    Ok(Identity::new(image, known(&args.coarse_sha256, &args.inputs.coarse)?, model, options))
 }
 
-/// Returns the options that change the result. The number of threads does not.
-fn in_words(args: &Request, options: &PredictOptions) -> String {
+/// Returns the options that change the result, with the SHA-256 of each table of tracks. The number of threads does not.
+fn in_words(args: &Request, options: &PredictOptions, tables: &[String]) -> String {
     let yes = |yes: bool| Some(if yes { "yes" } else { "no" }.to_string());
     let of_run = [
         ("overlap_px", Some(options.overlap_px.to_string())),
@@ -149,5 +177,6 @@ fn in_words(args: &Request, options: &PredictOptions) -> String {
         ("expected_errors", yes(options.expected_errors)),
     ];
     let sigma = ("coarse_sigma_m", args.coarse_sigma.map(|sigma_m| sigma_m.to_string()));
-    identity::words(of_run.into_iter().chain(args.inputs.words()).chain([sigma]))
+    let tracks = ("tracks_sha256", (!tables.is_empty()).then(|| tables.join("+")));
+    identity::words(of_run.into_iter().chain(args.inputs.words()).chain([sigma, tracks]))
 }

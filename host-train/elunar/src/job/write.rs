@@ -13,6 +13,7 @@ use elunar_scene::predict::job::{Files, Finished, Outputs, light_text, summary};
 use elunar_scene::predict::neighbourhoods::{Change, SceneLight};
 use elunar_scene::predict::notices::{notice_of_heights, share_of_relief};
 use elunar_scene::predict::record::{ErrorsRecord, LightRecord, Phases, PredictionRecord};
+use elunar_scene::predict::sigma::{CoarseSigma, SigmaFrom};
 use elunar_scene::predict::{Survey, Tally};
 use std::path::Path;
 use std::time::Instant;
@@ -21,6 +22,7 @@ use std::time::Instant;
 pub(super) struct Found {
     pub(super) survey: Survey,
     pub(super) warnings: Vec<String>,
+    pub(super) coarse_sigma: CoarseSigma,
     pub(super) start: Instant,
     pub(super) phases: Phases,
 }
@@ -75,10 +77,10 @@ impl Found {
 ///
 /// # Errors
 /// As [`Outputs::create`].
-pub(super) fn begin(args: &Request, task: &Task, light: &SceneLight) -> Result<Outputs> {
+pub(super) fn begin(args: &Request, task: &Task, light: &SceneLight, sigma: CoarseSigma) -> Result<Outputs> {
     let work = &task.work;
     let stored = light_text(&light.whole) + &of_light(work, &light.whole, light.change());
-    let errors = args.uncertainty.as_deref().map(|path| (path, work.coarse_sigma_m(args)));
+    let errors = args.uncertainty.as_deref().map(|path| (path, sigma));
     let files = Files { output: &args.output, image: &args.inputs.image, coarse: &args.inputs.coarse, errors };
     Outputs::create(&work.scene, (&work.model.description(), &stored, &task.identity), files)
 }
@@ -102,20 +104,24 @@ pub(super) fn end(
 ) -> Result<Done> {
     let (work, mut watch) = (&task.work, Watch::new());
     let of_light = of_light(work, &tally.light, tally.change);
-    let errors = args.uncertainty.as_deref().map(|path| (path, work.coarse_sigma_m(args)));
+    let errors = args.uncertainty.as_deref().map(|path| (path, found.coarse_sigma));
     let finished = files.finish(owner)?;
     found.phases.write_s += watch.lap_s();
     found.warn_of_heights(args, work, &finished);
     let mut text = summary(&args.output, &work.scene, &finished, tally) + &of_light;
-    if let (Some((path, sigma_m)), Some(origins)) = (errors, &finished.origins) {
-        let said = if args.coarse_sigma.is_some() { "as told" } else { "assumed; --coarse-sigma tells it" };
+    if let (Some((path, CoarseSigma { sigma_m, from })), Some(origins)) = (errors, &finished.origins) {
+        let said = match from {
+            SigmaFrom::Told => "as told".into(),
+            SigmaFrom::Assumed => "assumed; --coarse-sigma tells it, --tracks find it".into(),
+            SigmaFrom::Tracks(_) => from.to_string(),
+        };
         let origins = origins_text(origins);
         text += &format!(
             "\nheights: {origins}\n{}: expected errors, the coarse DTM's own {sigma_m:.2} m ({said})",
             path.display()
         );
     }
-    let of_errors = |(path, sigma_m)| ErrorsRecord::new(path, sigma_m, &finished.origins.unwrap_or_default());
+    let of_errors = |(path, sigma)| ErrorsRecord::new(path, sigma, &finished.origins.unwrap_or_default());
     let record = found.record(args, work, tally, &finished, errors.map(of_errors));
     if let Some(path) = &args.report {
         report::write(path, args, &work.scene, &record)?;

@@ -162,7 +162,7 @@ pub fn parse(path: &Path, text: impl Read, format: Option<&CsvFormat>, sphere_m:
 fn unknown_heading(line: &str) -> String {
     let start: String = line.chars().filter(|c| !c.is_control()).take(60).collect();
     format!(
-        "a heading with longitude, latitude and radius or height expected, found {start:?}; name the columns: --csv-format '1:lon 2:lat 3:radius_km'"
+        "a heading with longitude, latitude and radius or height expected, found {start:?}; write one, or name the columns: lola --csv-format '1:lon 2:lat 3:radius_km'"
     )
 }
 
@@ -243,7 +243,7 @@ impl Cell<'_> {
     }
 
     fn time_s(&self) -> std::result::Result<f64, String> {
-        let way_out = "a time such as 2009-07-17T00:46:24.5 (or --csv-format without time)";
+        let way_out = "a time such as 2009-07-17T00:46:24.5 (or lola --csv-format without time)";
         seconds(self.text).ok_or_else(|| self.refuse(way_out))
     }
 }
@@ -335,7 +335,7 @@ mod tests {
     fn bad_rows_are_named() {
         let cases = [
             ("1,2,3\n", "a heading with longitude, latitude and radius or height expected, found \"1,2,3\""),
-            ("lon,lat,radius\n", "name the columns: --csv-format"),
+            ("lon,lat,radius\n", "name the columns: lola --csv-format"),
             ("lon,lat,height_m\n", "found none"),
             ("", "found none"),
             ("lon,lat,height_m\n1,2\n", "line 2: column 3 expected, found 2 columns"),

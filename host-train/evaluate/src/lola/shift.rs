@@ -1,11 +1,11 @@
 //! The shift at which a track fits a DTM best, and the fit's error.
 
+use super::place::{SpotGrid, bilinear};
 use super::track::LaserSpot;
 use elunar_base::quantile::quantile;
 use elunar_base::{Error, Result};
 use elunar_core::tile::Window;
 use elunar_raster::source::Source;
-use elunar_raster::{GeoRef, Projection};
 use std::ops::Range;
 
 /// Steps per pixel of the search. The paper moves by half a pixel.
@@ -20,8 +20,7 @@ const MOST_ERRORS: usize = 1 << 22;
 /// A DTM prepared for the comparison with tracks.
 pub struct TrackDtm<'a> {
     dtm: &'a dyn Source,
-    georef: GeoRef,
-    projection: Projection,
+    grid: SpotGrid,
     /// Greatest shifts along rows and columns, either way, in steps.
     reach: (usize, usize),
     /// Metres along x and y per map unit, at the DTM's centre.
@@ -66,17 +65,11 @@ impl<'a> TrackDtm<'a> {
     /// [`Error::Input`] if the DTM has no georeference, its projection is not supported, or the search has too many steps.
     pub fn new(dtm: &'a dyn Source, name: &str, search_m: f64) -> Result<Self> {
         let info = dtm.info();
-        let missing = |what: &str| Error::input(format!("{name}: a DTM with {what} expected, none found"));
-        let georef = info.georef.clone().ok_or_else(|| missing("a geotransform"))?;
-        if georef.crs.is_empty() {
-            return Err(missing("a coordinate reference system"));
-        }
-        let projection = Projection::of(&georef.crs).ok_or_else(|| {
-            let (summary, remedy) = (georef.crs.summary(), georef.crs.remedy(name, None));
-            Error::input(format!("{name}: a known map projection expected, found {summary}; {remedy}"))
-        })?;
+        let grid = SpotGrid::new(info.georef.as_ref(), (info.rows, info.cols), name)?;
+        let (georef, projection) = (&grid.georef, &grid.projection);
         let size = georef.pixel_m(info.rows, info.cols).filter(|size| size.0 > 0.0 && size.1 > 0.0);
-        let (row_m, col_m) = size.ok_or_else(|| missing("a pixel size"))?;
+        let missing = || Error::input(format!("{name}: a DTM with a pixel size expected, none found"));
+        let (row_m, col_m) = size.ok_or_else(missing)?;
         let steps = |pixel_m: f64| (search_m * STEPS_PER_PX as f64 / pixel_m + 1e-9).floor();
         let (rows, cols) = (steps(row_m), steps(col_m));
         if !(rows <= MOST_STEPS as f64 && cols <= MOST_STEPS as f64 && search_m >= 0.0) {
@@ -92,13 +85,13 @@ impl<'a> TrackDtm<'a> {
             let (_, lat_deg) = georef.centre(info.rows as f64 / 2.0, info.cols as f64 / 2.0);
             (degree_m * lat_deg.to_radians().cos(), degree_m)
         };
-        Ok(Self { dtm, georef, projection, reach: (rows as usize, cols as usize), metres })
+        Ok(Self { dtm, grid, reach: (rows as usize, cols as usize), metres })
     }
 
     /// Returns the radius of the DTM's sphere, metres.
     #[must_use]
     pub fn sphere_m(&self) -> f64 {
-        self.projection.radius_m()
+        self.grid.sphere_m()
     }
 
     /// Finds the best shifts of a track. Returns `None` with fewer than `least` comparable points.
@@ -145,7 +138,7 @@ impl<'a> TrackDtm<'a> {
         let deviation = |about: f64| (errors.iter().map(|e| (e - about).powi(2)).sum::<f64>() / degrees).sqrt();
         let (down, right) = self.steps(shift);
         let (rows, cols) = (down as f64 / STEPS_PER_PX as f64, right as f64 / STEPS_PER_PX as f64);
-        let t = &self.georef.transform;
+        let t = &self.grid.georef.transform;
         let at_limit = |steps: isize, reach: usize| reach > 0 && steps.unsigned_abs() == reach;
         Shifted {
             x_m: (cols * t[1] + rows * t[2]) * self.metres.0,
@@ -171,11 +164,7 @@ impl<'a> TrackDtm<'a> {
     fn patch(&self, point: &LaserSpot) -> Option<(Window, f64, f64)> {
         let info = self.dtm.info();
         let reach = [self.reach.0, self.reach.1].map(|steps| steps as f64 / STEPS_PER_PX as f64);
-        // A meridian has several values of x, in degrees as in metres.
-        let period = self.projection.period().unwrap_or(0.0);
-        [0.0, period, -period].iter().find_map(|turn| {
-            let (x, y) = self.projection.forward(point.lon_deg, point.lat_deg);
-            let (row, col) = pixel(&self.georef.transform, x + turn, y)?;
+        self.grid.places(point).find_map(|(row, col)| {
             let (top, left) = ((row - reach[0]).floor(), (col - reach[1]).floor());
             let (bottom, right) = ((row + reach[0]).ceil(), (col + reach[1]).ceil());
             let inside = top >= 0.0 && left >= 0.0 && bottom < info.rows as f64 && right < info.cols as f64;
@@ -206,35 +195,4 @@ fn keep(best: &mut Shifted, next: Shifted, figure: fn(&Shifted) -> f64) {
     if order.is_lt() {
         *best = next;
     }
-}
-
-/// Returns row and column of a map point. (0, 0) is the centre of the first pixel.
-fn pixel(t: &[f64; 6], x: f64, y: f64) -> Option<(f64, f64)> {
-    let determinant = t[1] * t[5] - t[2] * t[4];
-    let (dx, dy) = (x - t[0], y - t[3]);
-    let (col, row) = ((dx * t[5] - dy * t[2]) / determinant, (dy * t[1] - dx * t[4]) / determinant);
-    (row.is_finite() && col.is_finite()).then_some((row - 0.5, col - 0.5))
-}
-
-/// Interpolates bilinearly. The result is NaN if a sample with weight is NaN.
-fn bilinear(patch: &[f32], window: Window, row: f64, col: f64) -> f64 {
-    let (top, left) = (row.floor().max(0.0), col.floor().max(0.0));
-    let (down, right) = (row - top, col - left);
-    let (top, left) = (top as usize, left as usize);
-    let mut sum = 0.0;
-    for (weight, r, c) in [
-        ((1.0 - down) * (1.0 - right), top, left),
-        ((1.0 - down) * right, top, left + 1),
-        (down * (1.0 - right), top + 1, left),
-        (down * right, top + 1, left + 1),
-    ] {
-        if weight.abs() > 1e-9 {
-            sum += if r < window.rows && c < window.cols {
-                weight * f64::from(patch[r * window.cols + c])
-            } else {
-                f64::NAN
-            };
-        }
-    }
-    sum
 }

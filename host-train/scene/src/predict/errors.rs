@@ -2,6 +2,7 @@
 
 use super::Provenance;
 use super::output::write_sum;
+use super::sigma::CoarseSigma;
 use elunar_base::Result;
 use elunar_core::photoclinometry::Origin;
 use elunar_raster::GeoRef;
@@ -29,12 +30,12 @@ pub struct ErrorsWriter {
     file: Writer,
     output: PathBuf,
     is_identified: bool,
-    coarse_sigma_m: f32,
+    coarse_sigma: CoarseSigma,
     origins: Origins,
 }
 
 impl ErrorsWriter {
-    /// Starts a file of `rows` x `cols` pixels. `coarse_sigma_m` is the standard deviation of the coarse DTM's own heights.
+    /// Starts a file of `rows` x `cols` pixels. `coarse_sigma` is the standard deviation of the coarse DTM's own heights.
     ///
     /// # Errors
     /// As [`Writer::create`].
@@ -43,18 +44,19 @@ impl ErrorsWriter {
         (rows, cols): (usize, usize),
         georef: &GeoRef,
         from: &Provenance,
-        coarse_sigma_m: f32,
+        coarse_sigma: CoarseSigma,
     ) -> Result<Self> {
         let heights = "expected standard deviation of the height's error";
         let origins = "origin of the height: 0 image, 1 image and coarse DTM, 2 coarse DTM, 3 shadow, 4 no height";
         let options = WriteOptions::heights(heights)
             .with_band("expected standard deviation of the slope's error along either axis, metres per metre", None)
             .with_band(origins, None)
-            .with_item("COARSE_SIGMA_M", format!("{coarse_sigma_m}"));
+            .with_item("COARSE_SIGMA_M", format!("{}", coarse_sigma.sigma_m))
+            .with_item("COARSE_SIGMA_FROM", coarse_sigma.from.to_string());
         let options = from.items().into_iter().fold(options, |options, (name, text)| options.with_item(name, text));
         let file = Writer::create(output, rows, cols, Some(georef), &options)?;
         let is_identified = from.identity.is_some();
-        Ok(Self { file, output: output.into(), is_identified, coarse_sigma_m, origins: Origins::default() })
+        Ok(Self { file, output: output.into(), is_identified, coarse_sigma, origins: Origins::default() })
     }
 
     /// Adds a row: the expected errors of heights and slopes, the share that the image explains, and darkness.
@@ -62,7 +64,9 @@ impl ErrorsWriter {
     /// # Errors
     /// As [`Writer::write_band_rows`].
     pub(super) fn add(&mut self, [heights_m, slopes, explained, dark]: [&[f32]; 4]) -> Result<()> {
-        let (with_coarse, origins) = of_row([heights_m, explained, dark], self.coarse_sigma_m);
+        let with_coarse: Vec<f32> =
+            heights_m.iter().map(|sd_m| with_coarse(*sd_m, self.coarse_sigma.sigma_m)).collect();
+        let origins = origins_of(explained, dark);
         origins.iter().for_each(|origin| self.origins[*origin as usize] += 1);
         self.file.write_band_rows(0, &with_coarse)?;
         self.file.write_band_rows(1, slopes)?;
@@ -83,13 +87,16 @@ impl ErrorsWriter {
     }
 }
 
-/// Returns the standard deviations of a row's heights with that of the coarse DTM's own, metres, and the origins of the heights, from the expected
-/// errors of the heights, the share that the image explains, and darkness.
-pub(super) fn of_row([heights_m, explained, dark]: [&[f32]; 3], coarse_sigma_m: f32) -> (Vec<f32>, Vec<Origin>) {
+/// Returns the standard deviation of a height, metres, from the one that the image leaves and that of the coarse DTM's own heights.
+pub(super) fn with_coarse(height_sd_m: f32, coarse_sigma_m: f32) -> f32 {
     // In steps that every machine rounds alike; `hypot` is the platform's.
     let square = |v: f32| f64::from(v) * f64::from(v);
-    let with_coarse = heights_m.iter().map(|sd| (square(*sd) + square(coarse_sigma_m)).sqrt() as f32).collect();
-    (with_coarse, explained.iter().zip(dark).map(|(e, d)| Origin::of(*e, *d)).collect())
+    (square(height_sd_m) + square(coarse_sigma_m)).sqrt() as f32
+}
+
+/// Returns the origins of a row's heights from the share that the image explains, and darkness.
+pub(super) fn origins_of(explained: &[f32], dark: &[f32]) -> Vec<Origin> {
+    explained.iter().zip(dark).map(|(e, d)| Origin::of(*e, *d)).collect()
 }
 
 /// Returns the origins in words.

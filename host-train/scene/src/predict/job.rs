@@ -2,6 +2,7 @@
 
 use super::errors::{ErrorsWriter, Origins};
 use super::identity::Identity;
+use super::sigma::CoarseSigma;
 use super::tile::TileResult;
 use super::{DtmWriter, PartFile, Provenance, Scene, Survey, Tally, TileProgress};
 use elunar_base::output::Owner;
@@ -126,9 +127,9 @@ pub struct Files<'a> {
     pub image: &'a Path,
     /// The coarse DTM.
     pub coarse: &'a Path,
-    /// The file of expected errors to write, and the standard deviation of the coarse DTM's own heights, metres. The rows must have them
+    /// The file of expected errors to write, and the standard deviation of the coarse DTM's own heights. The rows must have them
     /// ([`super::PredictOptions::layers`]).
-    pub errors: Option<(&'a Path, f32)>,
+    pub errors: Option<(&'a Path, CoarseSigma)>,
 }
 
 /// What a finished job found.
@@ -179,7 +180,7 @@ impl Outputs {
         let from = Provenance { model, light, image: &image, coarse: &coarse, identity: Some(identity) };
         let (rows, cols) = (scene.rows, scene.cols);
         let writer = DtmWriter::create(files.output, rows, cols, &scene.georef, &from)?;
-        let errors = |(path, sigma_m)| ErrorsWriter::create(path, (rows, cols), &scene.georef, &from, sigma_m);
+        let errors = |(path, sigma)| ErrorsWriter::create(path, (rows, cols), &scene.georef, &from, sigma);
         let errors = files.errors.map(errors).transpose()?;
         Ok(Self { writer, errors, finished: Finished::default(), cols })
     }
@@ -214,6 +215,14 @@ impl Outputs {
         finished.origins = errors.map(ErrorsWriter::finish).transpose()?;
         writer.finish(&|| owner.check())?;
         Ok(finished)
+    }
+}
+
+/// Passes the heights of finished rows with expected errors to `see`, row by row, each with the standard deviations that the image leaves, metres.
+pub fn for_each_row(rows: &[f32], cols: usize, mut see: impl FnMut(&[f32], &[f32])) {
+    for row in rows.chunks_exact(TileResult::LAYERS * cols) {
+        let (heights_m, [of_heights, ..]) = layers(row, cols);
+        see(heights_m, of_heights);
     }
 }
 

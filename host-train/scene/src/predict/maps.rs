@@ -1,6 +1,6 @@
 //! The maps of a prediction in memory, for callers that write no files.
 
-use super::errors::{Origins, of_row};
+use super::errors::{Origins, origins_of, with_coarse};
 use super::job::{Finished, layers};
 use super::tile::TileResult;
 use elunar_base::{Error, Result};
@@ -25,21 +25,20 @@ pub struct ErrorMaps {
     pub slopes: Vec<f32>,
     /// Codes of [`elunar_core::photoclinometry::Origin`].
     pub origins: Vec<u8>,
-    coarse_sigma_m: f32,
 }
 
 impl Maps {
-    /// Makes empty maps of a scene with `shape` (rows, columns). With `coarse_sigma_m`, the standard deviation of the coarse DTM's own heights,
-    /// they take expected errors: rows must then have them ([`super::Options::layers`]).
+    /// Makes empty maps of a scene with `shape` (rows, columns). With `expected_errors` rows
+    /// must have them ([`super::PredictOptions::layers`]); [`Self::add_coarse`] completes them.
     ///
     /// # Errors
     /// [`Error::Io`] if the system refuses the memory.
-    pub fn new((rows, cols): (usize, usize), coarse_sigma_m: Option<f32>) -> Result<Self> {
-        let errors = |coarse_sigma_m| -> Result<ErrorMaps> {
+    pub fn new((rows, cols): (usize, usize), expected_errors: bool) -> Result<Self> {
+        let errors = || -> Result<ErrorMaps> {
             let (heights_m, slopes, origins) = (room(rows * cols)?, room(rows * cols)?, room(rows * cols)?);
-            Ok(ErrorMaps { heights_m, slopes, origins, coarse_sigma_m })
+            Ok(ErrorMaps { heights_m, slopes, origins })
         };
-        let errors = coarse_sigma_m.map(errors).transpose()?;
+        let errors = expected_errors.then(errors).transpose()?;
         Ok(Self { heights_m: room(rows * cols)?, errors, cols, finished: Finished::default() })
     }
 
@@ -53,10 +52,16 @@ impl Maps {
             let (heights_m, [of_heights, slopes, explained, dark]) = layers(row, self.cols);
             self.finished.see(heights_m);
             self.heights_m.extend_from_slice(heights_m);
-            let (with_coarse, origins) = of_row([of_heights, explained, dark], errors.coarse_sigma_m);
-            errors.heights_m.extend(with_coarse);
+            errors.heights_m.extend_from_slice(of_heights);
             errors.slopes.extend_from_slice(slopes);
-            errors.origins.extend(origins.iter().map(|origin| *origin as u8));
+            errors.origins.extend(origins_of(explained, dark).iter().map(|origin| *origin as u8));
+        }
+    }
+
+    /// Adds the standard deviation of the coarse DTM's own heights, metres, to that of all heights.
+    pub fn add_coarse(&mut self, coarse_sigma_m: f32) {
+        if let Some(errors) = &mut self.errors {
+            errors.heights_m.iter_mut().for_each(|sd_m| *sd_m = with_coarse(*sd_m, coarse_sigma_m));
         }
     }
 

@@ -19,6 +19,7 @@ pub mod record;
 pub mod rows;
 mod run;
 mod scene;
+pub mod sigma;
 pub mod span;
 pub mod sun;
 mod survey;

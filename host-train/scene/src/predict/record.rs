@@ -3,6 +3,7 @@
 use super::Tally;
 use super::errors::Origins;
 use super::neighbourhoods::Change;
+use super::sigma::{CoarseSigma, TrackSigma};
 use super::sun::{AngleSource, KnownFrom};
 use elunar_net::illumination::{LightSource, Lighting};
 use serde::Serialize;
@@ -79,8 +80,12 @@ impl PredictionRecord {
 pub struct ErrorsRecord {
     /// The file.
     pub file: String,
-    /// Standard deviation of the coarse DTM's own heights, as told or assumed, metres.
+    /// Standard deviation of the coarse DTM's own heights, metres.
     pub coarse_sigma_m: f32,
+    /// Who says so: `told`, `assumed` or `tracks`.
+    pub coarse_sigma_from: &'static str,
+    /// What was found along laser altimeter tracks, if they say so.
+    pub tracks: Option<TrackSigma>,
     /// Heights that the image explains.
     pub pixels_from_image: u64,
     /// Heights that image and coarse DTM explain together.
@@ -94,10 +99,19 @@ pub struct ErrorsRecord {
 impl ErrorsRecord {
     /// Makes the record of a file with these origins of heights.
     #[must_use]
-    pub fn new(file: &std::path::Path, coarse_sigma_m: f32, origins: &Origins) -> Self {
+    pub fn new(file: &std::path::Path, CoarseSigma { sigma_m, from }: CoarseSigma, origins: &Origins) -> Self {
         let [pixels_from_image, pixels_blended, pixels_from_coarse, pixels_in_shadow, _] = *origins;
         let file = file.display().to_string();
-        Self { file, coarse_sigma_m, pixels_from_image, pixels_blended, pixels_from_coarse, pixels_in_shadow }
+        Self {
+            file,
+            coarse_sigma_m: sigma_m,
+            coarse_sigma_from: from.word(),
+            tracks: from.tracks(),
+            pixels_from_image,
+            pixels_blended,
+            pixels_from_coarse,
+            pixels_in_shadow,
+        }
     }
 }
 
