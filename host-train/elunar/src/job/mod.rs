@@ -233,7 +233,7 @@ pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box
     let light = task.work.light(&survey);
     (tally.light, tally.change) = (light.whole, light.change());
     let read = |see: Keep| paths.iter().try_for_each(|path| RowsReader::open(path)?.read(&mut *see));
-    let coarse_sigma = task.work.coarse_sigma(args, &read)?;
+    let coarse_sigma = task.work.coarse_sigma(args, read)?;
     let mut files = write::begin(args, &task, &light, coarse_sigma)?;
     read(&mut |rows| files.add(rows))?;
     phases.write_s = watch.lap_s();

@@ -208,7 +208,7 @@ mod tests {
         let spot = |i: usize| {
             let (track, row) = (i / 30, i % 30);
             let wave = (row as f64 / 30.0 * 6.0 * std::f64::consts::PI + 2.1 * track as f64).sin() * 2f64.sqrt();
-            let error_m = sigma_m * wave + if i % 2 == 0 { 1.0 } else { -1.0 };
+            let error_m = sigma_m * wave + if i.is_multiple_of(2) { 1.0 } else { -1.0 };
             SpotError { track, cell: (row, 5 * track), error_m, expected_m: 1.0 }
         };
         (0..30 * tracks).map(spot).collect()
@@ -236,7 +236,7 @@ mod tests {
         let exact = |i: usize| SpotError {
             track: i / 30,
             cell: (i % 30, i / 30),
-            error_m: f64::from(u8::from(i % 3 == 0)) * 0.5,
+            error_m: f64::from(u8::from(i.is_multiple_of(3))) * 0.5,
             expected_m: 0.0,
         };
         assert_eq!(along_tracks(&(0..60).map(exact).collect::<Vec<_>>()).unwrap().outliers, 0);
