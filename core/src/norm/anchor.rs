@@ -59,7 +59,8 @@ impl Anchor {
         Self { radius_px: of(RADIUS_COARSE_PX), half_px: of(HALF_COARSE_PX), weight: WEIGHT }
     }
 
-    /// Makes an anchor that believes the coarse DTM alone: a truth that is taught has its long waves, with their errors.
+    /// Makes an anchor that believes the coarse DTM alone: for a truth that is taught, whose long waves are then the coarse DTM's with their errors,
+    /// and for a DTM without long waves of its own.
     #[must_use]
     pub fn whole(coarse_px: f32) -> Self {
         Self { weight: 1.0, ..Self::new(coarse_px) }

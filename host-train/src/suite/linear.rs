@@ -112,8 +112,8 @@ fn contrast_of(scene: &TestScene) -> Vec<f64> {
     contrast(&scene.raw_image.samples, (scene.raw_image.rows, scene.raw_image.cols))
 }
 
-/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, its long waves are drawn
-/// to the coarse DTM's.
+/// Returns the DTM of the scene on the image's grid, metres; NaN where image or coarse DTM is invalid. With `anchored`, its long waves are the
+/// coarse DTM's: those of the filter are worse.
 ///
 /// # Errors
 /// [`Error::Input`] with [`Teacher::OtherGrounds`] if the Sun is not known, or stands where the synthetic Moon has none; if truth and image are
@@ -131,7 +131,7 @@ pub(super) fn dtm(scene: &TestScene, teacher: Teacher, anchored: bool) -> Result
         [heights, filled].map(|map| map.iter().map(|z| (z * pixel_m) as f32).collect::<Vec<f32>>());
     if anchored {
         let (mut difference, mut sums) = (vec![0.0; coarse_m.len()], vec![0.0; Anchor::sums_len(shape.0, shape.1)]);
-        Anchor::new(scene.input.coarse_px)
+        Anchor::whole(scene.input.coarse_px)
             .apply(&mut heights_m, &coarse_m, shape.1, &mut difference, &mut sums)
             .map_err(|e| Error::input(format!("linear bound: {e}")))?;
     }

@@ -9,18 +9,6 @@ use elunar_raster::GeoRef;
 use elunar_raster::geotiff::{WriteOptions, Writer};
 use std::path::{Path, PathBuf};
 
-/// Largest assumed error of a coarse DTM, metres: SLDEM2015's against LOLA is 3 to 4 m (Barker et al. 2016).
-const SIGMA_MAX_M: f32 = 3.0;
-/// Assumed error of a coarse DTM, in its own pixels (our choice).
-const SIGMA_PX: f32 = 0.04;
-
-/// Returns the standard deviation that the heights of a coarse DTM are taken to have, metres, for the size of its pixels: 0.04 pixels, at most
-/// 3 m (our choice). Errors of waves that are longer than the scene cannot be estimated from it.
-#[must_use]
-pub fn assumed_sigma_m(coarse_pixel_m: f32) -> f32 {
-    SIGMA_MAX_M.min(SIGMA_PX * coarse_pixel_m)
-}
-
 /// Number of pixels of each [`Origin`], by its code.
 pub type Origins = [u64; 5];
 
@@ -118,9 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_assumed_error_is_that_of_global_dtms_at_most() {
-        assert!((assumed_sigma_m(59.2) - 2.37).abs() < 0.01);
-        assert_eq!((assumed_sigma_m(118.0), assumed_sigma_m(32_000.0)), (3.0, 3.0));
+    fn origins_are_told_in_percent() {
         assert_eq!(origins_text(&[3, 0, 1, 0, 0]), "75 % from the image, 25 % from the coarse DTM");
     }
 }

@@ -4,10 +4,21 @@
 //! compared, not the coarse DTM: a coarse height is a mean over a coarse pixel, a laser spot is not, and the DTM has the relief inside a coarse
 //! pixel. With the coarse DTM itself fewer scenes have the right shares (`host-train/suites/estimates.py OUT sigma`: `without relief`).
 
-use super::errors::assumed_sigma_m;
 use elunar_base::quantile::quantile;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
+
+/// Largest assumed error of a coarse DTM, metres: SLDEM2015's against LOLA is 3 to 4 m (Barker et al. 2016).
+const SIGMA_MAX_M: f32 = 3.0;
+/// Assumed error of a coarse DTM, in its own pixels (our choice).
+const SIGMA_PX: f32 = 0.04;
+
+/// Returns the standard deviation that the heights of a coarse DTM are taken to have, metres, for the size of its pixels: 0.04 pixels, at most
+/// 3 m (our choice). Errors of waves that are longer than the scene cannot be estimated from it.
+#[must_use]
+pub fn assumed_sigma_m(coarse_pixel_m: f32) -> f32 {
+    SIGMA_MAX_M.min(SIGMA_PX * coarse_pixel_m)
+}
 
 /// Spots farther from the median than this many robust standard deviations are gross errors of the altimeter (our choice): relief that the DTM
 /// lacks is nearer, false returns are not.
@@ -212,6 +223,12 @@ mod tests {
             SpotError { track, cell: (row, 5 * track), error_m, expected_m: 1.0 }
         };
         (0..30 * tracks).map(spot).collect()
+    }
+
+    #[test]
+    fn the_assumed_error_is_that_of_global_dtms_at_most() {
+        assert!((assumed_sigma_m(59.2) - 2.37).abs() < 0.01);
+        assert_eq!((assumed_sigma_m(118.0), assumed_sigma_m(32_000.0)), (3.0, 3.0));
     }
 
     #[test]

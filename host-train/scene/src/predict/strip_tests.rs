@@ -149,7 +149,9 @@ fn assert_heights(found: &[f32], expected: &[f32], (rows, cols): (usize, usize),
     for (i, (a, b)) in found.iter().zip(expected).enumerate() {
         let (place, apart) = ((i / cols, i % cols), a.to_bits().abs_diff(b.to_bits()));
         if apart > 0 && !(a.is_nan() && b.is_nan()) {
-            assert!(apart == 1 && (a - b).abs() < 1e-3 && tiles(place) > 2, "{place:?}: {a} instead of {b}");
+            // One in the last bit; of a height near 0, in the last bits of the sums that cancel.
+            let last = apart == 1 && (a - b).abs() < 1e-3 || (a - b).abs() < 1e-9;
+            assert!(last && tiles(place) > 2, "{place:?}: {a} instead of {b}");
             others += 1;
         }
     }
