@@ -1,15 +1,14 @@
 #!/usr/bin/env python3
-"""What an anchor that weighs, and laser tracks, would be worth: computed from the DTMs and expected errors that models/card.sh has made in OUT.
+"""What other weights of the anchor, and laser tracks, are worth: computed from the DTMs and expected errors that models/card.sh has made in OUT.
 
-    host-train/suites/estimates.py OUT anchor     RMSE over the coarse DTM's: the anchor, none, and long waves as a weighted mean
+    host-train/suites/estimates.py OUT anchor     RMSE over the coarse DTM's: the shipped anchor, none, and other weights and widths of it
     host-train/suites/estimates.py OUT sigma      scenes whose heights are within 0.55-0.80 and 0.88-0.99 of 1 and 1.96 expected standard
                                                   deviations: as they are, with the coarse DTM's sigma told, or as `predict --tracks` finds it
                                                   along simulated laser tracks; from the coarse DTM itself, too (`without relief`)
     host-train/suites/estimates.py OUT floor      the same for fewer laser spots than `predict` takes, without the program
     host-train/suites/estimates.py OUT ceiling    the same if the error's standard deviation is known, and its map is not
 
-The weighted mean compares like with like: a coarse height is a mean over a coarse pixel, so the DTM without anchor is averaged over one, too. A part
-of the difference's low-pass (three boxes) is taken away. PROGRAM: host-train (default: built by cargo). Needs numpy, scipy and rasterio.
+Other anchors are computed as core/src/norm/anchor.rs has it, but over the whole scene instead of tile by tile. PROGRAM: host-train (default: built by cargo). Needs numpy, scipy and rasterio.
 """
 
 import json
