@@ -13,6 +13,7 @@
 //!   Cells with such a square under their tent are left out (our choice: if only cells go that are dark throughout, a shadow over half of an
 //!   image spoils the light of the other half). A cell with some dark pixels stays: without it the fit would miss the steepest ground and
 //!   become too strong.
+//! - Slopes of one direction alone that the image does not show count as error of the coarse DTM ([`relief`]).
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
 //!   waves.
 //!
@@ -20,6 +21,7 @@
 
 mod axis;
 mod cells;
+mod relief;
 mod strength;
 
 pub use axis::Axis;
@@ -32,6 +34,7 @@ use crate::samples::Samples;
 use crate::terrain::PixelSize;
 use crate::words::Words;
 use cells::{Cell, CellColumns, PHASES, Places, Rectangle, mean_of};
+use relief::Relief;
 use strength::{Expected, Strength};
 
 /// Cells along the side of the widest square.
@@ -392,8 +395,9 @@ impl LightFit {
             let variance = (ii - explained).max(UNEXPLAINED_MIN * ii) / (octave.freedom - 2.0);
             let weight = 1.0 / (VARIANCE_FACTOR * variance);
             if weight.is_finite() {
-                sum.precision.iter_mut().zip(products.precision).for_each(|(sum, v)| *sum += weight * v);
-                sum.vector.iter_mut().zip(vector).for_each(|(sum, v)| *sum += weight * v);
+                let relief = Relief::of([ii, vector[0], vector[1], xx, xy, yy]);
+                sum.precision.iter_mut().zip(relief.precision).for_each(|(sum, v)| *sum += weight * v);
+                sum.vector.iter_mut().zip(relief.vector).for_each(|(sum, v)| *sum += weight * v);
             }
         }
         (sum.precision[0] > 0.0).then_some(sum)
@@ -405,8 +409,7 @@ impl LightFit {
         let mean = self.brightness / self.cells;
         let (mut sum, mut freedom) = (0.0, 0.0);
         for octave in self.octaves.iter().filter(|octave| octave.freedom >= FREEDOM_MIN) {
-            let [ii, _, _, xx, xy, yy] = octave.products;
-            let ratio = ii / (mean * mean) / square([xx, xy, yy], along);
+            let ratio = octave.products[0] / (mean * mean) / square(Relief::of(octave.products).slopes, along);
             if ratio > 0.0 && ratio.is_finite() {
                 sum += octave.freedom * libm::log(ratio);
                 freedom += octave.freedom;
