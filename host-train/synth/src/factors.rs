@@ -15,6 +15,9 @@ const LANDFORM_SEED: u64 = 0x1a_4df0;
 const CRATER_SEED: u64 = 0x00c0_97e0;
 const ALBEDO_SEED: u64 = 0x0a1b_ed00;
 
+/// Separates the random stream of Suns that stand opposite.
+const SUN_SEED: u64 = 0x0050_a180;
+
 /// The factors of one scene. They have a separate random stream, so that other ranges do not change the rest of a scene. New factors are
 /// drawn after the older ones, so that an option with a fixed value changes no other factor.
 pub(super) struct Factors {
@@ -34,6 +37,8 @@ pub(super) struct Factors {
     pub complex_craters: Option<ChaCha8Rng>,
     /// Random stream of the albedo's features, if the scene has any.
     pub albedo: Option<ChaCha8Rng>,
+    /// Added to the azimuth of the Sun: 0 or 180 degrees.
+    pub sun_turn_deg: f64,
     /// RMS of the coarse DTM's stripes, metres.
     pub stripes_m: f64,
     /// Random stream of the stripes.
@@ -66,6 +71,7 @@ impl Factors {
             landforms: stream_of(LANDFORM_SEED, options.landforms),
             complex_craters: stream_of(CRATER_SEED, options.complex_craters),
             albedo: stream_of(ALBEDO_SEED, options.albedo_features),
+            sun_turn_deg: stream_of(SUN_SEED, if options.sun_opposite { 0.5 } else { 0.0 }).map_or(0.0, |_| 180.0),
             stripes_m,
             stripes: rng,
         }

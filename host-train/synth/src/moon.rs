@@ -184,13 +184,13 @@ impl Moon {
         let options = &self.options;
         let drawn = if rng.random() { TerrainKind::Mare } else { TerrainKind::Highland };
         let kind = options.kind.unwrap_or(drawn);
+        let mut factors = Factors::draw(self.seed, index, options);
         let sun = Sun {
-            azimuth_deg: within(rng, options.sun_azimuth_deg),
+            azimuth_deg: (within(rng, options.sun_azimuth_deg) + factors.sun_turn_deg) % 360.0,
             elevation_deg: within(rng, options.sun_elevation_deg),
         };
         let flaws =
             Flaws { error_m: within(rng, options.coarse_error_m), misregistration_m: options.misregistration_m };
-        let mut factors = Factors::draw(self.seed, index, options);
         let (mut heights_m, mut log_albedo) = self.terrain(rng, kind, factors.relief, shop);
         let (rows, cols) = shop.plan.shape();
         if let Some(stream) = &mut factors.landforms {

@@ -26,6 +26,8 @@ pub struct SynthOptions {
     pub kind: Option<TerrainKind>,
     /// Sun azimuth, degrees clockwise from north; drawn uniformly. Default 0–360. The ground does not depend on azimuth and elevation.
     pub sun_azimuth_deg: (f64, f64),
+    /// Whether the Sun of half of the scenes stands opposite the azimuth that was drawn. Default false.
+    pub sun_opposite: bool,
     /// Sun elevation above the horizon, degrees; drawn uniformly. Default 18–64, the paper's training images.
     pub sun_elevation_deg: (f64, f64),
     /// Factor on all relief, craters included; drawn uniformly. Default 1: the roughness of two NAC DTMs.
@@ -70,6 +72,7 @@ impl Default for SynthOptions {
             also_pixel_m: Vec::new(),
             kind: None,
             sun_azimuth_deg: (0.0, 360.0),
+            sun_opposite: false,
             sun_elevation_deg: (18.0, 64.0),
             relief: (1.0, 1.0),
             coarse_error_m: (1.5, 4.0),

@@ -89,6 +89,22 @@ fn landforms_are_on_their_share_of_the_scenes_and_leave_the_others_alone() {
 }
 
 #[test]
+fn half_of_the_suns_stand_opposite_and_the_ground_stays() {
+    let options = SynthOptions { rows: 16, cols: 24, sun_azimuth_deg: (60.0, 120.0), ..Default::default() };
+    let usual = Moon::new(3, options.clone()).unwrap();
+    let turned = Moon::new(3, SynthOptions { sun_opposite: true, ..options }).unwrap();
+    let opposite = (0..60).filter(|index| {
+        let (a, b) = (usual.tile(*index), turned.tile(*index));
+        assert_eq!((&a.truth_m, &a.coarse_m, a.sun_elevation_deg), (&b.truth_m, &b.coarse_m, b.sun_elevation_deg));
+        let turn_deg = b.sun_azimuth_deg - a.sun_azimuth_deg;
+        assert!(turn_deg == 0.0 && a.image == b.image || (turn_deg - 180.0).abs() < 1e-9 && a.image != b.image);
+        turn_deg > 0.0
+    });
+    let opposite = opposite.count();
+    assert!((20..=40).contains(&opposite), "{opposite} of 60");
+}
+
+#[test]
 fn albedo_contrast_changes_the_image_alone() {
     let tile = |albedo_contrast| {
         let options = SynthOptions { rows: 64, cols: 80, albedo_contrast, ..Default::default() };
