@@ -1,15 +1,16 @@
 //! What of the coarse DTM's slopes is relief.
 //!
 //! A regression on slopes with errors finds a light that is too weak, so its relief is too high. Laser tracks and seams leave stripes and steps in a
-//! coarse DTM: slopes across them alone. Ground has about the same mean square slope in all directions. So what the steepest direction has beyond
-//! 1.3 times the mean square slope across it counts as error (our choice), as far as the contrast has room for it: ground that is steeper
-//! in one direction, as a valley, shows that in its image. Without the excess a light must not explain more than 0.75 of the contrast (our choice).
+//! coarse DTM: slopes across them alone. Ground has about the same mean square slope in all directions. So a ratio of the mean square slopes along
+//! the steepest direction and across it above 1.5 counts as error, and the more the larger it is: of 1.5^2 and more, ground that is alike in all
+//! directions remains (our choice). The contrast must have room for it: ground that is steeper in one direction, as a valley, shows that in its
+//! image. Without the error a light must not explain more than 0.75 of the contrast (our choice).
 
 use super::square;
 
-/// Largest ratio of the mean square slopes along the steepest direction and across it that is taken for relief.
-const STEEPER_MAX: f64 = 1.3;
-/// Largest share of the contrast that is explained without the excess.
+/// Largest ratio of the mean square slopes along the steepest direction and across it that is all relief.
+const STEEPER_MAX: f64 = 1.5;
+/// Largest share of the contrast that is explained without the error.
 const EXPLAINED_MAX: f64 = 0.75;
 
 /// Products of an octave as they would be without the error of the slopes.
@@ -32,7 +33,9 @@ impl Relief {
         let steepest = [xx - least, xy, yy - least].map(|v| v / (2.0 * half));
         let along = square(steepest, [ix, iy]);
         let room = EXPLAINED_MAX - (ix * ix + iy * iy - along) / (least * ii);
-        let kept = if room > 0.0 { (STEEPER_MAX * least / most).max(along / (most * ii * room)).min(1.0) } else { 1.0 };
+        let ratio = most / least;
+        let of_relief = (STEEPER_MAX * STEEPER_MAX / ratio).clamp(1.0, STEEPER_MAX);
+        let kept = if room > 0.0 { (of_relief / ratio).max(along / (most * ii * room)).min(1.0) } else { 1.0 };
         if !(kept < 1.0) {
             return Self { slopes: [xx, xy, yy], precision: [xx, xy, yy], vector: [ix, iy] };
         }
@@ -73,18 +76,21 @@ mod tests {
                 light(&relief),
                 light(&Relief { slopes: [0.0; 3], precision: [made[3], made[4], made[5]], vector: [made[1], made[2]] }),
             );
-            // Along the error, a regression has a tenth of the light. What remains is the ratio that ground may have.
+            // Along the error, a regression has a tenth of the light.
             let along = |light: [f64; 2]| light[0] * turn.cos() + light[1] * turn.sin();
-            let across = |light: [f64; 2]| light[1] * turn.cos() - light[0] * turn.sin();
             assert!((along(raw) - 0.1 * along([0.6, 0.8])).abs() < 1e-12, "{raw:?}");
-            assert!((along(found) - along([0.6, 0.8]) / STEEPER_MAX).abs() < 1e-12, "{turn}: {found:?}");
-            assert!((across(found) - across([0.6, 0.8])).abs() < 1e-12, "{turn}: {found:?}");
-            // The light of the relief's own slopes is the same, and is less sure than one without error.
-            let [xx, xy, yy] = relief.slopes;
-            let [x, y] = [xx * found[0] + xy * found[1], xy * found[0] + yy * found[1]];
-            assert!((x - 0.6).abs() < 1e-12 && (y - 0.8).abs() < 1e-12, "{x} {y}");
-            let sure = square(relief.precision, [turn.cos(), turn.sin()]);
-            assert!((sure - STEEPER_MAX * STEEPER_MAX / 10.0).abs() < 1e-12, "{sure}");
+            assert!((found[0] - 0.6).abs() < 1e-12 && (found[1] - 0.8).abs() < 1e-12, "{turn}: {found:?}");
+            // The relief's own slopes are alike in all directions; the light is less sure than without error.
+            let sure = |products| square(products, [turn.cos(), turn.sin()]);
+            assert!(
+                (sure(relief.slopes) - 1.0).abs() < 1e-12 && (sure(relief.precision) - 0.1).abs() < 1e-12,
+                "{relief:?}"
+            );
+        }
+        // Part of a smaller ratio may be of the ground.
+        let along = |error: f64| Relief::of(products([0.6, 0.8], (0.0, error), 1.0)).slopes[0];
+        for (error, kept) in [(0.25, 1.25), (0.5, 1.5), (0.8, 1.25), (1.25, 1.0), (3.0, 1.0)] {
+            assert!((along(error) - kept).abs() < 1e-12, "{error}: {}", along(error));
         }
     }
 
