@@ -312,7 +312,7 @@ in_time() {
 [ $# -gt 0 ] || set -- "${everything[@]}"
 late=()
 for step in "$@"; do
-    printf '%s\n' "${everything[@]}" "${on_request[@]}" | grep -qxFe "$step" ||
+    printf '%s\n' "${everything[@]}" "${on_request[@]}" | grep -xFe "$step" >/dev/null ||
         fail "expected a step (${everything[*]} ${on_request[*]}), found '$step'"
     say "$step"
     in_time "$step" || { late+=("$step"); continue; }

@@ -79,7 +79,7 @@ one_line() { # what is missing, what the line must say, environment
     fi
     echo "without $what: $(cut -c1-160 "$work/missing.txt")"
 }
-ldconfig -p 2>/dev/null | grep -q libcuda.so || one_line "a driver" "libcuda"
+ldconfig -p 2>/dev/null | grep libcuda.so >/dev/null || one_line "a driver" "libcuda"
 # shellcheck disable=SC2031 # the user's search path
 [ -n "$(find /usr/local/cuda /opt/cuda /usr/lib/cuda /usr/nvvm -name libdevice.10.bc 2>/dev/null | head -n 1)" ] ||
     one_line libdevice libdevice CUDA_PATH="$work/missing" LD_LIBRARY_PATH="$work/lib:${LD_LIBRARY_PATH:-}"

@@ -30,7 +30,7 @@ binary() {
     fi
     RUSTFLAGS="$lean" cargo rustc --quiet --locked --profile small --package elunar --bin elunar --features packed --target "$musl" -- "${lld[@]}"
     cp "$target/$musl/small/elunar" "$out/elunar"
-    ! ldd "$out/elunar" 2>/dev/null | grep -q '=>' || { echo "ERROR: a static program expected" >&2; exit 1; }
+    ! ldd "$out/elunar" 2>/dev/null | grep '=>' >/dev/null || { echo "ERROR: a static program expected" >&2; exit 1; }
     (cd "$out" && tar czf "elunar-$musl.tar.gz" elunar)
     row "static binary" "$out/elunar"
     row "the same, packed for cargo binstall" "$out/elunar-$musl.tar.gz"

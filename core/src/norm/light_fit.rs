@@ -13,7 +13,7 @@
 //!   Cells with such a square under their tent are left out (our choice: if only cells go that are dark throughout, a shadow over half of an
 //!   image spoils the light of the other half). A cell with some dark pixels stays: without it the fit would miss the steepest ground and
 //!   become too strong.
-//! - Slopes of one direction alone that the image does not show count as error of the coarse DTM ([`relief`]).
+//! - Slopes of one direction alone that the image does not show count as error of the coarse DTM (`light_fit/relief.rs`).
 //! - The octaves are weighted by the inverse of their unexplained variance (generalised least squares), since albedo is stronger in long
 //!   waves.
 //!

@@ -36,10 +36,11 @@ impl Relief {
         let ratio = most / least;
         let of_relief = (STEEPER_MAX * STEEPER_MAX / ratio).clamp(1.0, STEEPER_MAX);
         let kept = if room > 0.0 { (of_relief / ratio).max(along / (most * ii * room)).min(1.0) } else { 1.0 };
-        if !(kept < 1.0) {
-            return Self { slopes: [xx, xy, yy], precision: [xx, xy, yy], vector: [ix, iy] };
+        let whole = Self { slopes: [xx, xy, yy], precision: [xx, xy, yy], vector: [ix, iy] };
+        if kept >= 1.0 {
+            return whole;
         }
-        let less = |part: f64| [0, 1, 2].map(|i| [xx, xy, yy][i] - part * most * steepest[i]);
+        let less = |part: f64| [0, 1, 2].map(|i| whole.slopes[i] - part * most * steepest[i]);
         let turned = [steepest[0] * ix + steepest[1] * iy, steepest[1] * ix + steepest[2] * iy];
         Self {
             slopes: less(1.0 - kept),
