@@ -28,10 +28,10 @@ def test_code(folder):
             if named := re.fullmatch(r"\s*(?:pub.* )?mod (\w+);", item):
                 home = path.parent if path.name in ("mod.rs", "lib.rs") else path.with_suffix("")
                 files |= {home / f"{named[1]}.rs", *(home / named[1]).rglob("*.rs")}
-            # The sources are formatted: an item ends at the first closing brace as far to the left as it begins.
+            # The sources are formatted: an item of several lines ends at the first closing brace as far to the left as it begins.
             indent = item[: len(item) - len(item.lstrip())]
             end = number + 1
-            while not item.endswith(";") and text[end] != indent + "}":
+            while not item.endswith((";", ",")) and text[end].rstrip(",;") != indent + "}":
                 end += 1
             lines |= {(path, one) for one in range(number + 1, end + 2)}
     return files, lines

@@ -86,6 +86,7 @@ mod tests {
         assert!(grid.window(Window { row: 0, col: 0, rows: 3, cols: 4 }).is_some());
         assert!(grid.window(Window { row: 3, col: 4, rows: 0, cols: 0 }).is_some());
         assert!(grid.window(Window { row: 1, col: 0, rows: 3, cols: 1 }).is_none());
+        assert!(grid.window(Window { row: 0, col: 2, rows: 1, cols: 3 }).is_none());
         assert!(grid.window(Window { row: usize::MAX, col: 0, rows: 2, cols: 1 }).is_none());
         assert_eq!(grid.get(2, 3), Some(0));
         assert_eq!(grid.get(3, 0), None);

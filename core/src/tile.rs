@@ -212,6 +212,8 @@ mod tests {
     fn refuses_small_scenes_and_overlaps_as_wide_as_the_tile() {
         let (scene, tile) = (Shape::new(255, 320), TILE);
         assert_eq!(Tiling::new(scene, tile, 100), Err(TilingError::SceneTooSmall { scene, tile }));
+        let narrow = Shape::new(256, 319);
+        assert_eq!(Tiling::new(narrow, tile, 100), Err(TilingError::SceneTooSmall { scene: narrow, tile }));
         assert_eq!(Tiling::new(Shape::new(999, 999), tile, 256), Err(TilingError::Overlap { overlap_px: 256, tile }));
         let endless = Tiling::new(Shape::new(usize::MAX, usize::MAX), Shape::new(2, 2), 1).unwrap();
         assert_eq!(endless.get(usize::MAX - 1).map(|w| w.row), Some(1));

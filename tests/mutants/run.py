@@ -44,7 +44,10 @@ AREAS = {
         CORE, ["nn/model/validate/*.rs"],
         [*(f"nn::tests::{name}" for name in ("refusals", "work", "model", "schedule", "limits")), "a_validation"], 8,
     ),
-    "ops": (CORE, ["nn/ops/**/*.rs"], ["nn::ops", "nn::tests::conv", "nn::tests::attention", "nn::tests::layer_norm", "nn::tests::witness"], 30),
+    "ops": (
+        CORE, ["nn/ops/**/*.rs"],
+        ["nn::ops", *(f"nn::tests::{name}" for name in ("conv", "attention", "layer_norm", "upsample", "witness"))], 30,
+    ),
     "photoclinometry": (CORE, ["photoclinometry/*.rs"], ["photoclinometry::"], 40),
     "slots": (
         CORE, [f"nn/{name}.rs" for name in ("slots/*", "file/seal", "crc", "scrub", "code", "sum")],

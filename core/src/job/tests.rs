@@ -1,8 +1,8 @@
 use super::*;
 use crate::fill::fill_gaps;
-use crate::nn::{Illumination, KnownSun, Runner, TruthRange};
+use crate::nn::{Illumination, KnownSun, LightSource, Runner, TruthRange};
 use crate::norm::Anchor;
-use crate::photoclinometry::{Contrast, Guide, GuideInput, Photoclinometry, SLOPED_MAPS, Weight};
+use crate::photoclinometry::{Contrast, Guide, GuideInput, Photoclinometry, SLOPED_MAPS, Share, Weight};
 use crate::samples::is_set;
 
 /// The lent memory of a job.
@@ -322,6 +322,66 @@ fn tiles_that_show_nothing_keep_their_coarse_heights() {
     // Level ground is no obstacle for heights counted in pixels.
     assert_eq!(of(&image, &flat, Illumination::Any).0, Made::Coarse);
     assert_eq!(of(&image, &flat, Illumination::Sloped).0, Made::Predicted);
+}
+
+#[test]
+fn rules_that_no_model_has_are_refused() {
+    let (image, coarse_m) = ground();
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::default() };
+    let input = InputRules { range_margin: -1.0, ..rules(Illumination::Any) };
+    let (mut echo, mut lent) = (Echo::new(1), Lent::new(&input, TILE));
+    let (mut memory, mut job) = (lent.memory(), TileJob::new(RULES, input, TILE));
+    let refused = loop {
+        match job.prepare(&mut echo, &tile, &mut memory, 1) {
+            Ok(progress) => assert_eq!(progress, Progress::Running),
+            Err(error) => break error,
+        }
+    };
+    assert_eq!(refused, JobError::Rules(crate::norm::NormError::Margin { share: -1.0 }));
+}
+
+#[test]
+fn a_tile_smaller_than_the_cells_of_a_fit_shows_no_light() {
+    let (image, coarse_m) = ground();
+    let tile = TileInput { image: &image[..], coarse_m: &coarse_m[..], inside: TILE, light: TileLight::default() };
+    let input = rules(Illumination::Weighed);
+    let (mut echo, mut lent) = (Echo::new(Illumination::Weighed.image_maps()), Lent::new(&input, TILE));
+    let rules = TileRules { coarse_px: 600.0, ..RULES };
+    let (mut memory, mut job) = (lent.memory(), TileJob::new(rules, input, TILE));
+    while job.prepare(&mut echo, &tile, &mut memory, u64::MAX).unwrap() == Progress::Running {}
+    assert_eq!(job.lighting().source, LightSource::Assumed);
+}
+
+#[test]
+fn a_plain_guide_takes_all_contrast_for_relief() {
+    let (mut image, mut coarse_m) = ground();
+    for map in [&mut image, &mut coarse_m] {
+        map.iter_mut().filter(|v| v.abs() > 1e30).for_each(|v| *v = f32::NAN);
+        fill_gaps(map, TILE.cols, &mut vec![0.0; TILE.pixels()]).unwrap();
+    }
+    let (plan, mirror) = (Photoclinometry::new(TILE), Mirror::default());
+    let scale = ElevationScale::from_pixel(&coarse_m, None, RULES.pixel_m, 50.0).unwrap();
+    let light = crate::norm::Light::from_sun(135.0, 40.0).unwrap();
+    let of = |weight| {
+        let mut scratch = vec![0.0; plan.scratch_len()];
+        let tile = GuideInput { image: &image[..], coarse_m: &coarse_m, mirror, coarse_px: RULES.coarse_px, weight };
+        let guide = Guide::new(&plan, tile, &scale, light, &mut scratch).unwrap();
+        let mut maps = [[0.0; 4]];
+        guide.image(0, &mut maps);
+        (*guide.share(), maps[0][3])
+    };
+    assert_eq!(of(Weight::Plain), (Share::WHOLE, 1.0 / light.strength()));
+    assert!(of(Weight::Trust { trust: 1.0, long_share: None }).0.mean() < 1.0);
+}
+
+#[test]
+fn heights_beyond_those_that_are_there_are_not_swapped() {
+    let elevation = ElevationScale::from_heights(&[100.0, 140.0], None, 40.0).unwrap();
+    let scale = TileScale { elevation, mirror: Mirror { rows: true, cols: false } };
+    let (shape, mut whole, mut half) = (Shape::new(2, 2), [1.0, 2.0, 3.0, 4.0], [1.0, 2.0]);
+    scale.recover(shape, &mut whole);
+    scale.recover(shape, &mut half);
+    assert_eq!((whole, half), ([103.0, 104.0, 101.0, 102.0], [101.0, 102.0]));
 }
 
 #[test]

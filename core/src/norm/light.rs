@@ -191,6 +191,14 @@ mod tests {
             let found = Light::from_sun(10.0, elevation).unwrap().elevation_deg();
             assert!((found - elevation).abs() < 1e-4, "{found} for {elevation}");
         }
+        // The weakest and the strongest lights are those of a Sun near the zenith and at the horizon.
+        let [weakest, strongest] = [STRENGTH_MIN, STRENGTH_MAX].map(|strength| Light::of(10.0, strength).unwrap());
+        assert!((strength(weakest.elevation_deg() - 1e-3) / 0.05 - 1.0).abs() < 1e-3, "{}", weakest.elevation_deg());
+        assert!(
+            (strength(strongest.elevation_deg() + 1e-3) / 20.0 - 1.0).abs() < 1e-3,
+            "{}",
+            strongest.elevation_deg()
+        );
         for out in [0.0, -3.0, 90.0, f64::NAN] {
             assert_eq!(Light::from_sun(10.0, out), None);
         }

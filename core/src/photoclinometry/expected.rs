@@ -219,6 +219,12 @@ mod tests {
     }
 
     #[test]
+    fn level_ground_leaves_nothing_open() {
+        let errors = ExpectedErrors::of_share(&share(0.0), &SURE, PIXEL_M, COARSE_PX, 10.0).lit();
+        assert_eq!((errors.height_m, errors.slope, errors.explained), (0.0, 0.0, 0.0));
+    }
+
+    #[test]
     fn the_surer_the_light_the_smaller_the_errors() {
         let of = |doubt| ExpectedErrors::of_share(&share(0.02), &doubt, PIXEL_M, COARSE_PX, 10.0).lit();
         let sure = of(SURE);

@@ -298,6 +298,13 @@ mod tests {
     }
 
     #[test]
+    fn contrast_without_a_direction_shows_no_axis() {
+        let axis = |share| Contrast::new([power(share); OCTAVES], 1.0, 1.0).axis();
+        assert_eq!(axis(0.0), None);
+        assert_eq!(axis(0.5).map(|axis| axis.azimuth_deg), Some(90.0));
+    }
+
+    #[test]
     fn smoothness_is_the_noise_between_octaves() {
         // All of it, half of it, then none.
         let mut octaves = [power(0.0); OCTAVES];

@@ -144,3 +144,56 @@ impl Prepared {
         self.inputs.get(slot).copied().flatten().unwrap_or(Tensor::SINGLE)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::nn::file::{Attention, Dtype, LayerNorm};
+
+    fn prepared(operator: Operator, out: Tensor, channels: usize) -> Prepared {
+        let input = Tensor::new(Dtype::U8, (out.rows, out.cols), channels);
+        Prepared { operator, out, inputs: [Some(input), None, None], checked: false }
+    }
+
+    /// Multiply-accumulates and work of all units.
+    fn of_all_units(prepared: &Prepared) -> (u64, u64) {
+        let all = || (0..prepared.steps()).flat_map(|step| (0..prepared.units()).map(move |unit| (step, unit)));
+        let sum = |of: &dyn Fn(usize, usize) -> u64| all().map(|(step, unit)| of(step, unit)).sum();
+        (sum(&|step, unit| prepared.unit_macs(step, unit)), sum(&|step, unit| prepared.unit_work(step, unit)))
+    }
+
+    #[test]
+    fn units_cost_what_they_multiply_and_round() {
+        let map = |channels| Tensor::new(Dtype::U8, (7, 10), channels);
+        let conv = Conv { kernel_rows: 3, kernel_cols: 5, pad: 1, block: 2, ..Conv::default() };
+        let macs = 7 * 10 * 15 * 3 * 40;
+        assert_eq!(of_all_units(&prepared(Operator::Conv(conv), map(40), 3)), (macs, macs + 16 * 7 * 10 * 40));
+        let norm = LayerNorm { merge: 1, ..LayerNorm::default() };
+        assert_eq!(of_all_units(&prepared(Operator::LayerNorm(norm), map(6), 6)), (4 * 7 * 10 * 6, 40 * 7 * 10 * 6));
+        // A row is read and a row is written.
+        assert_eq!(prepared(Operator::LayerNorm(norm), map(6), 6).largest_unit(), 40 * 10 * 6 + 60 + 60);
+        // Windows of 4 x 4, 4 x 4 and 4 x 4 pixels, filled up, in two rows: each token with each one, twice.
+        let attention = Attention { heads: 1, window: 4, ..Attention::default() };
+        let macs = 2 * 3 * (2 * 16 * 16 * 6);
+        assert_eq!(of_all_units(&prepared(Operator::Attention(attention), map(6), 18)), (macs, macs / 2 * 3));
+        // Cut after a row and three columns: pieces of 1, 4 and 3 rows, and of 3, 4 and 4 columns with what is filled up, or 1 of 12.
+        let attention = Attention { shift_rows: 1, shift_cols: 3, ..attention };
+        let cut = prepared(Operator::Attention(attention), map(6), 18);
+        assert_eq!(of_all_units(&cut).0, 2 * (1 + 16 + 9) * (9 + 16 + 16) * 6);
+        assert_eq!(cut.macs(), of_all_units(&cut).0);
+    }
+
+    #[test]
+    fn a_folded_upsampling_costs_four_samples_along_each_axis_and_its_corrections() {
+        let out = Tensor::new(Dtype::U8, (8, 6), 5);
+        let conv = Conv { fold: true, kernel_rows: 5, kernel_cols: 5, pad: 2, block: 1, ..Conv::default() };
+        let folded = prepared(Operator::Conv(conv), out, 3);
+        assert_eq!((folded.steps(), folded.units()), (4, 1));
+        let macs = (4 * 8 + 4) * (4 * 6 + 4) * 3 * 5;
+        assert_eq!(of_all_units(&folded), (macs, macs + 16 * 8 * 6 * 5));
+        assert_eq!(folded.macs(), macs);
+        // The two outermost rows on each side have corrections.
+        let steps: Vec<u64> = (0..4).map(|step| folded.unit_macs(step, 0)).collect();
+        assert_eq!(steps, [10, 8, 8, 10].map(|rows| rows * 28 * 3 * 5));
+    }
+}

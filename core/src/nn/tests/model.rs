@@ -1,7 +1,7 @@
 //! Refusals of [`Model`] for a single operator that mutated files of whole networks do not reach.
 
 use super::draft::Draft;
-use crate::nn::file::{Conv, Dtype, Edge, Operator, OperatorFault, Tensor};
+use crate::nn::file::{Conv, Dtype, Edge, HEADER_BYTES, Operator, OperatorFault, Tensor, seal_file, set_word, word};
 use crate::nn::{Model, ModelError, required};
 
 /// image (margin 1) -> map of two channels by a 3x3 convolution -> output. `change` makes the convolution or its tensors illegal.
@@ -167,4 +167,31 @@ fn scales_that_make_heights_infinite_are_refused() {
     ] {
         assert_eq!(output_scale(scale, added), expected, "{scale:e}, {added:e}");
     }
+}
+
+#[test]
+fn files_that_end_in_or_behind_their_header() {
+    let mut draft = Draft::new((8, 8));
+    draft.finish();
+    draft.in_order();
+    let mut file = draft.file();
+    let expected = HEADER_BYTES as u64;
+    for found in [8, HEADER_BYTES - 1] {
+        let refused = Model::new(&file[..found]).map(|_| ());
+        assert_eq!(refused, Err(ModelError::Length { expected, found: found as u64 }));
+    }
+    // A header alone has neither tensors nor chunks.
+    file.truncate(HEADER_BYTES);
+    set_word(&mut file, word::FILE_BYTES, HEADER_BYTES as u32);
+    for index in [word::TENSORS, word::OPERATORS, word::SCHEDULE] {
+        set_word(&mut file, index, 0);
+        set_word(&mut file, index + 1, 0);
+    }
+    // What has less than its header says is not sealed.
+    let before = file.clone();
+    seal_file(&mut file);
+    assert_eq!(file, before);
+    set_word(&mut file, word::CHUNKS, 0);
+    seal_file(&mut file);
+    assert_eq!(Model::new(&file).map(|_| ()), Err(ModelError::Header));
 }

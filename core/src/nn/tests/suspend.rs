@@ -150,6 +150,8 @@ fn places_that_no_run_has_are_refused() {
         Suspended { protection: 4, ..at_work },
         Suspended { phase: Suspended::VERIFYING, entry: model.raw().chunks(), ..at_work },
         Suspended { phase: Suspended::VERIFYING, step: 1, ..at_work },
+        Suspended { phase: Suspended::VERIFYING, unit: 1, ..at_work },
+        Suspended { phase: Suspended::LOADING, unit: 1, ..at_work },
         Suspended { entry: 1, ..Suspended::default() },
         Suspended { phase: Suspended::DONE, unit: 1, ..at_work },
         Suspended { entry: entries, ..at_work },

@@ -127,6 +127,15 @@ mod tests {
     }
 
     #[test]
+    fn odds_change_the_odds_of_before() {
+        let of = |odds, before| Strength { odds, ..strength(None) }.probability(before);
+        assert_eq!(
+            [of(1.0, 0.25), of(3.0, 0.25), of(1.0 / 3.0, 0.75), of(7.0, 0.0), of(7.0, 1.0)],
+            [0.25, 0.5, 0.5, 0.0, 1.0]
+        );
+    }
+
+    #[test]
     fn any_numbers_give_finite_ones() {
         for found in [-1e30, -5.0, 0.0, 1e-9, 7.0, 1e30] {
             for variance in [1e-30, 1e-3, 1.0, 1e30] {

@@ -302,6 +302,9 @@ fn the_axis_turns_an_unsure_fit_and_leaves_its_end() {
         "{sure:?}, without axis {alone:?}"
     );
     assert!(sure.trust >= alone.trust);
+    // An axis without an error is none that was measured: it turns nothing, and no light is related to it.
+    let exact = turned(70.0, 0.0);
+    assert_eq!((exact.light, exact.related), (alone.light, 0.0));
     // An axis that knows nothing changes nothing.
     assert!((turned(70.0, 1e9).light.east - alone.light.east).abs() < 1e-5);
     // Under a known azimuth the axis says how much of the contrast is relief: the more, the stronger the light.

@@ -1,6 +1,6 @@
 //! Strips that are paused after every step, and models that change during a tile.
 
-use super::rig::{Blocks, Scene, TILE, assert_same, file, run, settings, take};
+use super::rig::{Blocks, Scene, TILE, assert_same, file, file_of, run, settings, take};
 use crate::nn::{Kernel, Model, RunError, Runner};
 use crate::strip::{Next, Strip, StripCounters, StripError, StripPaused, StripPlan};
 
@@ -124,4 +124,18 @@ fn a_tile_that_fails_twice_keeps_its_coarse_heights() {
     let top = found[..2 * COLS].iter().zip(&expected);
     assert!(top.clone().any(|(a, _)| a.is_finite()));
     assert!(top.take(TILE.cols - 3).all(|(a, b)| a == b || a.is_nan()), "tiles before are as they were");
+}
+
+#[test]
+fn heights_that_no_ground_has_leave_the_coarse_ones() {
+    let scene = Scene::new(ROWS, COLS);
+    let expected = scene.heights_m(&file(), &settings(COLS, 40));
+    let (found, counters) = run_in_pieces(file_of(1e8), &scene, |_, _| ());
+    // It is no fault of the runner.
+    assert_eq!((counters.tiles, counters.tiles_again, counters.tiles_lost, counters.tiles_void), (8, 8, 8, 0));
+    assert_eq!((counters.last_fault, counters.memory_faults), (None, 0));
+    for (i, (found, expected)) in found.iter().zip(&expected).enumerate() {
+        assert_eq!(found.is_nan(), expected.is_nan(), "{i}");
+        assert!(found.is_nan() || (found - scene.coarse_m[i]).abs() < 1e-3, "{i}: {found}");
+    }
 }

@@ -94,6 +94,28 @@ fn flips(count: usize) {
     }
 }
 
+#[test]
+fn a_lost_line_of_a_strip_narrower_than_a_tile_is_a_line_of_voids() {
+    let (file, mut scene, settings) = (file(), Scene::new(14, 7), settings(7, TILE.rows + 2));
+    // The last pixel of line 3, which the tile repeats beyond the edge: lines are 28 bytes and a checksum.
+    let (found, counters, _) = run_flipped(&file, &scene, settings, |call, blocks| {
+        if call == 6 {
+            blocks.change_ring(3 * 32 + 27);
+        }
+    });
+    assert_eq!((counters.pieces_lost, counters.tiles_lost), (1, 0), "{counters:?}");
+    scene.image[3 * 7..4 * 7].fill(f32::NAN);
+    scene.assert_heights(&found, &scene.heights_m(&file, &settings), &settings, "without line 3");
+}
+
+#[test]
+fn expected_errors_change_no_height_of_a_wide_strip() {
+    let (file, scene) = (file(), Scene::new(31, 45));
+    let settings = StripSettings { expected_errors: true, ..settings(45, TILE.rows + 2) };
+    let (found, ..) = run_flipped(&file, &scene, settings, |_, _| ());
+    scene.assert_heights(&found, &scene.heights_m(&file, &settings), &settings, "with expected errors");
+}
+
 /// A bit that is stuck spoils tiles, not the strip.
 #[test]
 fn a_stuck_bit_is_reported_and_the_strip_goes_on() {

@@ -3,7 +3,8 @@
 use super::rig::{Blocks, Scene, TILE, file, settings, take};
 use crate::error::LengthError;
 use crate::nn::{Model, Runner};
-use crate::strip::{Next, Strip, StripError, StripMemory, StripPlan};
+use crate::photoclinometry::Origin;
+use crate::strip::{LineErrors, Next, Strip, StripError, StripMemory, StripPlan};
 
 #[test]
 fn a_full_ring_refuses_lines_and_loses_none() {
@@ -28,9 +29,12 @@ fn a_full_ring_refuses_lines_and_loses_none() {
     push(&mut strip, &mut row);
     assert_eq!((row, strip.wants(), strip.ready()), (16, Next::Step, 0), "as many lines as are kept");
     // Lines are not taken: the next row of tiles is computed, but not added, and the ring fills up again.
+    let mut ran = [0, 0];
     while strip.step(1000) != Next::Take {
+        ran[usize::from(strip.is_running())] += 1;
         push(&mut strip, &mut row);
     }
+    assert!(ran[1] > 10 && ran[0] > 2 && !strip.is_running(), "{ran:?}");
     assert_eq!((row, strip.wants(), strip.ready()), (25, Next::Take, 9), "9 lines further: the overlap is 3");
     assert_eq!(strip.step(1), Next::Take, "steps change nothing");
     let before = strip.pause();
@@ -69,6 +73,33 @@ fn lines_of_other_lengths_or_after_the_end_are_refused() {
     assert_eq!(strip.take_line(&mut [0.0; 25]), Ok(None));
     assert_eq!(strip.scrub(100), Ok(()));
     assert_eq!(strip.telemetry().scrubbed_bytes, 100);
+}
+
+#[test]
+fn errors_that_were_not_asked_for_are_unknown() {
+    let (file, scene) = (file(), Scene::new(14, 10));
+    let (settings, model) = (settings(10, 20), Model::new(&file).unwrap());
+    let plan = StripPlan::new(&model, settings).unwrap();
+    let mut blocks = Blocks::new(&plan);
+    let (arena, memory) = blocks.lend();
+    let mut strip = Strip::new(plan, Runner::new(model, arena).unwrap(), memory).unwrap();
+    for row in 0..14 {
+        strip.push_line(scene.line(row).0, scene.line(row).1).unwrap();
+    }
+    strip.finish();
+    let (mut found, mut line) = (vec![], [0.0; 10]);
+    while found.len() < 140 {
+        let (mut height_m, mut slope, mut origin) = ([7.0; 10], [7.0; 10], [7; 10]);
+        let errors = LineErrors { height_m: &mut height_m, slope: &mut slope, origin: &mut origin };
+        if strip.take_line_with(&mut line, errors).unwrap().is_none() {
+            assert_eq!((height_m, slope, origin), ([7.0; 10], [7.0; 10], [7; 10]), "without a line nothing is written");
+            assert_ne!(strip.step(u64::MAX), Next::Push);
+            continue;
+        }
+        assert!(height_m.iter().chain(&slope).all(|v| v.is_nan()) && origin == [Origin::Void as u8; 10], "{found:?}");
+        found.extend(line);
+    }
+    scene.assert_heights(&found, &scene.heights_m(&file, &settings), &settings, "with errors that are unknown");
 }
 
 #[test]

@@ -16,13 +16,18 @@ pub(super) const TILE: Shape = Shape::new(12, 10);
 
 /// Returns a model whose heights are its image, with an additional layer that only takes time.
 pub(super) fn file() -> Vec<u8> {
+    file_of(50.0)
+}
+
+/// As [`file`], with so much for the brightest pixel of the image.
+pub(super) fn file_of(most: f32) -> Vec<u8> {
     let mut draft = Draft::new((TILE.rows, TILE.cols));
     draft.tensors[0].scale = 1.0 / 255.0;
     draft.made(Tensor { lo: 0, hi: 255, ..Tensor::new(Dtype::U8, (TILE.rows, TILE.cols), 40) });
     draft.finish();
     let Some(Operator::Conv(Conv { weights, multipliers, .. })) = draft.operators.last().copied() else { panic!() };
     draft.constants[weights] = 1;
-    draft.constants[multipliers..multipliers + 4].copy_from_slice(&(50.0_f32 / 255.0).to_le_bytes());
+    draft.constants[multipliers..multipliers + 4].copy_from_slice(&(most / 255.0).to_le_bytes());
     draft.in_order();
     draft.file()
 }
@@ -209,6 +214,11 @@ impl Blocks {
             }
             () => valid[at - lens[0] - lens[1]] ^= mask,
         }
+    }
+
+    /// Changes a byte of the rings, of which those of the image come first.
+    pub(super) fn change_ring(&mut self, byte: usize) {
+        self.valid[byte] ^= 0x80;
     }
 
     /// Sets a byte of the samples, from [`Self::COARSE`] on.

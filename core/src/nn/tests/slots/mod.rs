@@ -109,7 +109,12 @@ fn the_models_of_these_tests_are_sound_differ_and_mind_their_input() {
         let flash = Flash { regions: [file.clone(), vec![], vec![], vec![]], ..Flash::new(1, 1) };
         let mut slots = Slots::new(flash);
         slots.boot().unwrap();
-        assert_eq!(self_test(&slots).is_ok(), passes);
+        let passed = self_test(&slots);
+        assert_eq!(passed.is_ok(), passes);
+        // There is no room for a record.
+        if let Ok(passed) = passed {
+            assert_eq!(slots.confirm(passed), Err(SlotError::NotWritten { offset_bytes: 0 }));
+        }
     }
 }
 

@@ -123,6 +123,67 @@ fn storage_that_cannot_be_read_is_no_model() {
     assert_eq!((answer, given < 10), (Err(SlotError::NothingRuns), true));
 }
 
+/// Does a task with what `read` makes of the bytes of each region that are read.
+fn with_reads(
+    work: &mut SlotWork,
+    flash: &Flash,
+    mut read: impl FnMut(Region, Vec<u8>) -> Vec<u8>,
+) -> Result<Answer, SlotError> {
+    loop {
+        let Want::Read { region, offset_bytes, len } = work.want() else { panic!("expected a read") };
+        let bytes = read(region, flash.bytes(region)[offset_bytes..offset_bytes + len].to_vec());
+        if let Some(answer) = work.give(Given::Bytes(&bytes), u64::MAX) {
+            return answer;
+        }
+    }
+}
+
+#[test]
+fn an_upload_whose_header_changes_between_two_reads_begins_again() {
+    let (old, new) = (model(1, 0), model(2, 50_000));
+    let mut pieces = Pieces::new(commissioned(&old, Slot::A, &new));
+    pieces.boot().unwrap();
+    for (changes, there) in [(false, new.len()), (true, 0)] {
+        let mut work = pieces.work();
+        work.begin_upload(ModelId::of(&new)).unwrap();
+        let answer = with_reads(&mut work, &pieces.flash, |_, mut bytes| {
+            if changes && bytes.len() == new.len() {
+                bytes[word::TENSORS * 4] ^= 1;
+            }
+            bytes
+        });
+        assert_eq!(answer, Ok(Answer::Written(there)));
+    }
+}
+
+#[test]
+fn an_upload_ends_when_its_slot_holds_the_confirmed_model() {
+    let (old, new) = (model(1, 0), model(2, 0));
+    let mut pieces = Pieces::new(commissioned(&old, Slot::A, &[]));
+    let mut work = pieces.work();
+    let blank = |_, bytes: Vec<u8>| vec![0xff; bytes.len()];
+    // Nothing can be read: no model runs, and the first slot is taken for free.
+    work.boot();
+    assert_eq!(with_reads(&mut work, &pieces.flash, blank), Err(SlotError::NothingRuns));
+    work.begin_upload(ModelId::of(&new)).unwrap();
+    assert_eq!(with_reads(&mut work, &pieces.flash, blank), Ok(Answer::Written(0)));
+    pieces.words = work.to_words();
+    // The record is readable again: the confirmed model is in this slot.
+    assert_eq!(pieces.task(|work| work.write(0, &new), &new), Err(SlotError::NoUpload));
+    assert_eq!(pieces.flash.bytes(Region::Model(Slot::A))[..old.len()], old);
+}
+
+#[test]
+fn a_validation_serves_the_model_that_runs_alone() {
+    let (old, new) = (model(1, 0), model(2, 0));
+    let mut pieces = Pieces::new(commissioned(&old, Slot::A, &[]));
+    assert_eq!(pieces.work().validation(), None, "before the boot");
+    pieces.boot().unwrap();
+    assert!(pieces.work().validation().is_some());
+    assert_eq!(pieces.upload(&new), Ok(Answer::Done));
+    assert_eq!(pieces.work().validation(), None, "the upload was validated since");
+}
+
 #[test]
 fn words_that_no_work_has_are_refused() {
     let words = Pieces::new(Flash::new(1000, 128)).words;

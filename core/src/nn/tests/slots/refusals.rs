@@ -101,6 +101,25 @@ fn calls_out_of_order_are_refused_and_change_nothing() {
 }
 
 #[test]
+fn a_rejected_model_without_a_record_gives_way_to_the_slot_behind_it() {
+    let file = model(1, 0);
+    for (slot, other, then) in [
+        (Slot::A, true, Ok((Slot::B, Standing::Salvaged))),
+        (Slot::A, false, Err(E::NothingRuns)),
+        (Slot::B, false, Err(E::NothingRuns)),
+    ] {
+        let mut flash = Flash::new(file.len(), 128);
+        flash.region(Region::Model(slot))[..file.len()].copy_from_slice(&file);
+        if other {
+            flash.region(Region::Model(slot.other()))[..file.len()].copy_from_slice(&file);
+        }
+        let mut slots = Slots::new(flash);
+        assert_eq!(slots.boot().map(|b| (b.slot, b.standing)), Ok((slot, Standing::Salvaged)));
+        assert_eq!(slots.reject().map(|b| (b.slot, b.standing)), then);
+    }
+}
+
+#[test]
 fn what_the_storage_refuses_or_forgets_is_reported() {
     let (old, new) = (model(1, 0), model(2, 0));
     let flash = commissioned(&old, Slot::A, &[]);
