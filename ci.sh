@@ -255,6 +255,8 @@ boards() {
     local six=(an500 rv32 leon3 e500 rv64 zcu102)
     onboard/flight/boards/run.sh --calls "${six[@]}"
     onboard/flight/boards/run.sh --calls --model tests/golden/provoked/guided.eld "${six[@]}"
+    # Both outcomes of the library's conditional branches: no more that are not argued.
+    onboard/flight/boards/outcomes.sh
     # Injections are made, and made again with the same outcomes.
     local out="$target/boards-inject" guided=tests/golden/provoked/guided.eld
     rm -rf "$out"
