@@ -11,7 +11,7 @@ cd "$(dirname "$0")"
 
 # The steps: each is a function below.
 everything=(format lint supply book test python page no_std checked asan branches boards miri backends vulkan cluster)
-on_request=(architecture order fuzz no_panic coverage) # `test` has the first, the others take longest
+on_request=(architecture order fuzz no_panic coverage outcomes) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
 flight=onboard/flight/Cargo.toml
@@ -282,6 +282,12 @@ no_panic() {
 cluster() {
     cargo build --locked --package elunar
     host-train/cluster/check.sh "$target/debug/elunar" host-train/models/nano.eld
+}
+
+# Both outcomes of every conditional branch of the flight library in machine code: no more that are not argued than recorded.
+outcomes() {
+    has_boards || return 0
+    onboard/flight/boards/outcomes.sh
 }
 
 # The rules for what may depend on what, in seconds.

@@ -10,6 +10,7 @@ import sys
 HERE = pathlib.Path(__file__).resolve().parent
 ROOT = HERE.parent
 TABLE = HERE / "coverage.csv"
+MISSED = HERE / "missed.csv"
 COLUMNS = ["package", "lines", "missed lines", "branches", "missed branches"]
 SOURCES = {"elunar-core": "core/src", "elunar-capi": "onboard/capi/src", "elunar-raster": "host-train/raster/src"}
 # Kernels for one kind of processor, and the choice among them.
@@ -105,6 +106,24 @@ def show(lines, branches, every):
                 print(f"    {name}:{row}: never run: {text[row - 1].strip()}")
 
 
+def write_missed(package, lines, branches):
+    """Writes the source lines that tests miss, wholly or in one outcome, each by its text and by how often the file has it up to there; and a row
+    `*` for each file that was measured."""
+    rows = set()
+    for path in {key[0] for key in lines}:
+        text, name = path.read_text().splitlines(), path.relative_to(ROOT).as_posix()
+        numbers = {row for at, row in (key for key, times in lines.items() if not times) if at == path}
+        numbers |= {place[0] for at, place, _ in (key for key, times in branches.items() if not times) if at == path}
+        stripped = [line.strip() for line in text]
+        rows |= {(name, "*", 1)} | {(name, stripped[row - 1], stripped[:row].count(stripped[row - 1])) for row in numbers}
+    if MISSED.exists():
+        with MISSED.open(newline="") as file:
+            others = [row for row in csv.DictReader(file) if not row["file"].startswith(SOURCES[package] + "/")]
+        rows |= {(row["file"], row["code"], int(row["occurrence"])) for row in others}
+    with MISSED.open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([("file", "code", "occurrence"), *sorted(rows)])
+
+
 def main():
     folder, options = pathlib.Path(sys.argv[1]), [word for word in sys.argv[2:] if word.startswith("--")]
     packages = [word for word in sys.argv[2:] if not word.startswith("--")]
@@ -119,6 +138,7 @@ def main():
         show(lines, branches, "--missed" in options)
         if "--write" in options:
             limits[package] = dict(zip(COLUMNS, [package, *found]))
+            write_missed(package, lines, branches)
         for what, number in (("missed lines", found[1]), ("missed branches", found[3])):
             limit = int(limits.get(package, {}).get(what, 0))
             if number > limit:

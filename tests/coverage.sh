@@ -2,7 +2,7 @@
 # What the tests of a package reach of its own source, in lines and in branches, against the limits in coverage.csv.
 #
 #   tests/coverage.sh [PACKAGE..]             more missed lines or branches than coverage.csv states, or fewer, are errors
-#   tests/coverage.sh --write [PACKAGE..]     writes them
+#   tests/coverage.sh --write [PACKAGE..]     writes them, and the lines that are missed (missed.csv, for ../onboard/flight/boards/outcomes.sh)
 #   tests/coverage.sh --missed [PACKAGE..]    also prints every missed branch and line; else the counts of each file
 #
 # A package's own unit, integration and documentation tests count. Tests themselves do not count as source, nor do kernels for one kind of processor,

@@ -28,13 +28,14 @@ load_board() {
 }
 
 # Builds package $1 for the loaded board; further arguments go to cargo. Debian's cargo and rustc, never rustup's: only they have
-# the sources of `core` at their own version, which the unstable -Zbuild-std wants. Frames' sizes are written beside the code.
+# the sources of `core` at their own version, which the unstable -Zbuild-std wants. Frames' sizes are written beside the code. LIBRARY: what is
+# built of Rust's library (core).
 compile() {
     local package="$1" std=()
     shift
     [ -z "$features_of_core" ] || std=("-Zbuild-std-features=$features_of_core")
     ELUNAR_BOARD="$board" RUSTFLAGS="-Z emit-stack-sizes ${linker[*]} ${flags[*]}" RUSTC=/usr/bin/rustc RUSTC_BOOTSTRAP=1 \
-        /usr/bin/cargo build --quiet --locked -Zbuild-std=core "${std[@]}" \
+        /usr/bin/cargo build --quiet --locked -Zbuild-std="${LIBRARY:-core}" "${std[@]}" \
         --manifest-path "$boards_dir/../Cargo.toml" --package "$package" --profile board --target "$target" \
         --target-dir "$build/$board" "$@"
 }
@@ -45,21 +46,29 @@ built() { echo "$build/$board/$target/board/$1"; }
 # Address of symbol $2 in program $1.
 address() { "llvm-nm-$llvm" "$1" | awk -v name="$2" '$3 == name { print "0x" $1 }'; }
 
-# Builds the instruction counter. QEMU's plugin interface has no version that old and new releases take.
-build_counter() {
+# Builds the instruction counter.
+build_counter() { build_plugin instructions && mv "$build/instructions.so" "$build/counter.so"; }
+
+# Builds plugin $1 of counter/. QEMU's plugin interface has no version that old and new releases take.
+build_plugin() {
     local release api=1
     release="$(qemu-system-arm --version | sed -n '1s/.*version \([0-9]*\).*/\1/p')"
     [ "$release" -lt 9 ] || api=2
     mkdir -p "$build"
-    cc -O2 -Wall -Wextra -Werror -shared -fPIC -fvisibility=hidden -DAPI=$api -o "$build/counter.so" "$boards_dir/counter/instructions.c"
+    cc -O2 -Wall -Wextra -Werror -shared -fPIC -fvisibility=hidden -DAPI=$api -o "$build/$1.so" "$boards_dir/counter/$1.c"
 }
 
 # Runs program $1 with model $2 on the loaded board; what it prints goes to file $3, what is counted between its marks to file $4.
 run_counted() {
     local counting
     counting="start=$(address "$1" elunar_count_start),stop=$(address "$1" elunar_count_stop),out=$4"
-    timeout --foreground "${LIMIT_S:-600}" "${qemu[@]}" "$load" "$1" -plugin "$build/counter.so,$counting" \
-        -device "loader,file=$2,addr=$(address "$1" __model_start),force-raw=on" </dev/null >"$3" 2>&1
+    run_with "$build/counter.so,$counting" "$1" "$2" "$3"
+}
+
+# Runs program $2 with model $3 on the loaded board under plugin $1; what it prints goes to file $4.
+run_with() {
+    timeout --foreground "${LIMIT_S:-600}" "${qemu[@]}" "$load" "$2" -plugin "$1" \
+        -device "loader,file=$3,addr=$(address "$2" __model_start),force-raw=on" </dev/null >"$4" 2>&1
 }
 
 # What is wrong with a run that ended with status $1 and printed file $2; nothing if it passed.

@@ -4,6 +4,9 @@
 
 use crate::c_abi::Tally;
 use crate::model::{Reader, sound_models};
+use alloc::vec;
+use alloc::vec::Vec;
+use core::ptr::{null, null_mut};
 use elunar_capi::ffi;
 use elunar_capi::ffi::{slots::*, strip::*};
 use elunar_capi::slots::types::*;
@@ -11,13 +14,12 @@ use elunar_capi::status::*;
 use elunar_capi::strip::types::*;
 use elunar_capi::types::*;
 use elunar_core::nn::slots::ModelId;
-use std::ptr::{null, null_mut};
 
 /// Words before and after lent memory, which must not change.
 const GUARD: usize = 16;
 const GUARD_WORD: u64 = 0xc3c3_c3c3_c3c3_c3c3;
 /// Most bytes of lent memory.
-const LARGEST: u64 = 1 << 24;
+const LARGEST: u64 = 1 << 21;
 /// Most columns of a line.
 const COLS: usize = 40;
 /// Bytes of a slot and of a sector.
@@ -336,7 +338,7 @@ fn drive(handle: *mut eld_slots_t, driver: &mut Driver, reader: &mut Reader<'_>,
             ELD_SLOTS_ERASE => region[at..at + SECTOR].fill(0xff),
             ELD_SLOTS_WRITE => {
                 // SAFETY: a record in the slots' memory, or the chunk.
-                region[at..at + len].copy_from_slice(unsafe { std::slice::from_raw_parts(want.data.cast(), len) });
+                region[at..at + len].copy_from_slice(unsafe { core::slice::from_raw_parts(want.data.cast(), len) });
             }
             _ => {}
         }

@@ -37,7 +37,7 @@ pub fn mutate(
     general: impl FnOnce(&mut [u8], usize, usize) -> usize,
 ) -> usize {
     let (mut random, most) = (Random::of_seed(seed.into()), bytes.len());
-    let mut below = |n: usize| (random.number() >> 16) as usize % n;
+    let mut below = |n: u64| (random.number() >> 16) % n;
     match below(32) {
         // As it is, so that the checks of checksums are fuzzed, too.
         0 => return general(bytes, len, most),
@@ -52,10 +52,10 @@ pub fn mutate(
     }
     let model = &mut bytes[..len];
     for _ in 0..1 + below(4) {
-        let (start, size) = sections(model)[below(5)];
+        let (start, size) = sections(model)[below(5) as usize];
         let words = size.min(len.saturating_sub(start)) / 4;
         if words > 0 {
-            let at = start + 4 * below(words);
+            let at = start + 4 * below(words as u64) as usize;
             let old = u32_at(model, at);
             let new = changed(old, below(256) as u8, below(1 << 32) as u32);
             set_word(model, at / 4, new);
@@ -70,7 +70,7 @@ fn another(random: &mut Random, bytes: &mut [u8]) -> Option<usize> {
     let models = sound_models();
     let file = match random.number() >> 61 {
         0 => models[(random.number() >> 32) as usize % models.len()].to_vec(),
-        _ => std::iter::repeat_with(|| program(random, &Sizes::SMALL)).take(20).flatten().next()?.file(),
+        _ => core::iter::repeat_with(|| program(random, &Sizes::SMALL)).take(20).flatten().next()?.file(),
     };
     bytes.get_mut(..file.len())?.copy_from_slice(&file);
     Some(file.len())
@@ -79,6 +79,7 @@ fn another(random: &mut Random, bytes: &mut [u8]) -> Option<usize> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use alloc::vec;
     use elunar_core::nn::{Model, ModelError};
 
     #[test]
@@ -106,7 +107,7 @@ mod tests {
                 Err(_) => records += 1,
             }
         }
-        println!("{accepted} accepted, {records} refused for their contents, {sums} for their checksums");
+        std::println!("{accepted} accepted, {records} refused for their contents, {sums} for their checksums");
         assert!(accepted > 100 && records > 1000 && sums < 400, "{accepted} {records} {sums}");
     }
 }

@@ -1,5 +1,7 @@
 //! Arbitrary bytes as input of the integer runner: as products, as models, as changes to sound models.
 
+use alloc::vec;
+use alloc::vec::Vec;
 use elunar_core::nn::file::{
     ENTRY_BYTES, HEADER_BYTES, OPERATOR_BYTES, TENSOR_BYTES, seal_file, set_word, u32_at, word,
 };
@@ -9,7 +11,7 @@ use elunar_core::nn::{Kernel, MatrixProduct, Model, Progress, RunError, Runner, 
 const GUARD: usize = 64;
 const GUARD_BYTE: u8 = 0xc3;
 /// Largest lent arena, bytes.
-const LARGEST_ARENA: usize = 1 << 24;
+const LARGEST_ARENA: usize = 1 << 21;
 /// Multiply-accumulates after which a tile is not continued.
 const BUDGET_MACS: u64 = 1 << 22;
 
@@ -34,7 +36,7 @@ impl Reader<'_> {
     }
 
     pub(crate) fn word(&mut self) -> u32 {
-        u32::from_le_bytes(std::array::from_fn(|_| self.byte()))
+        u32::from_le_bytes(core::array::from_fn(|_| self.byte()))
     }
 }
 
@@ -50,7 +52,7 @@ pub fn kernels(bytes: &[u8]) -> bool {
     let (pixels, stride, groups) = (reader.size(50), reader.size(40), reader.size(24));
     let starts: Vec<usize> = (0..reader.byte() % 6).map(|_| reader.size(90)).collect();
     let fill = reader.byte();
-    let acc = vec![i32::from_le_bytes(std::array::from_fn(|_| reader.byte())); pixels.min(64).saturating_mul(width)];
+    let acc = vec![i32::from_le_bytes(core::array::from_fn(|_| reader.byte())); pixels.min(64).saturating_mul(width)];
     // The remaining bytes are both weights and activations. They may be too few; they are repeated for shapes that fit.
     let needed = groups.saturating_mul(4 * width).saturating_mul(starts.len()).min(1 << 16);
     let mut weights = reader.0.to_vec();

@@ -1,5 +1,7 @@
 //! Random numbers without a crate.
 
+use alloc::vec::Vec;
+
 /// Reproducible bytes and numbers (xorshift64*).
 pub struct Random(pub u64);
 

@@ -5,7 +5,8 @@
 //! 2. [`report`] opens the model and runs the tile, once with the fastest kernel and once with the specification.
 //! 3. `c_calls` runs tiles through the C functions instead, `c_lines` strips and terrain maps, `c_slots` model slots.
 //! 4. `inject` makes one tile, and flips a bit of a register, the stack or the code when a timer says so.
-//! 5. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
+//! 5. `provoke` makes random calls, changed models and random programs.
+//! 6. [`calls`] has the library's functions under fixed names, and [`mark`] the two functions for the instruction counter: for the tools in
 //!    `../../proofs` and `../../boards`.
 //!
 //! Without a board (`cargo run -p elunar-demo -- MODEL.eld`) it is an ordinary program, whose output is the reference.
@@ -26,6 +27,8 @@ mod hosted;
 #[cfg(all(bare, feature = "inject"))]
 mod inject;
 mod mark;
+#[cfg(all(bare, feature = "provoke"))]
+mod provoke;
 mod report;
 #[cfg(all(bare, feature = "two_tiles"))]
 mod two_tiles;

@@ -1,9 +1,10 @@
 //! Calls without a context, and with invalid pointers.
 
 use super::{Play, Slot, text, worked};
+use alloc::vec;
+use core::ptr::{null, null_mut};
 use elunar_capi::ffi;
 use elunar_capi::types::*;
-use std::ptr::{null, null_mut};
 
 impl Play<'_> {
     /// Sums a part of the model, and asks where the Sun stands.

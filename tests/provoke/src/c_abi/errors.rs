@@ -1,10 +1,11 @@
 //! Calls about expected errors.
 
 use super::{Phase, Play, Slot};
+use alloc::vec;
+use core::ptr::null_mut;
 use elunar_capi::ffi;
 use elunar_capi::status::*;
 use elunar_capi::types::*;
-use std::ptr::null_mut;
 
 impl Play<'_> {
     pub(super) fn errors(&mut self, slot: &mut Slot) {

@@ -13,7 +13,8 @@ pub(super) struct Dice<'r> {
 impl Dice<'_> {
     /// Returns a number of `low..=high`.
     pub(super) fn size(&mut self, low: usize, high: usize) -> usize {
-        low + (self.random.number() >> 11) as usize % (high - low + 1)
+        // In 64 bits, so that boards draw the same.
+        low + ((self.random.number() >> 11) % ((high - low) as u64 + 1)) as usize
     }
 
     /// Returns `true` `percent` times in a hundred.

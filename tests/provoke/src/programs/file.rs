@@ -1,5 +1,7 @@
 //! A program under construction, and its file with correct checksums.
 
+use alloc::vec;
+use alloc::vec::Vec;
 use elunar_core::nn::Illumination;
 use elunar_core::nn::file::*;
 

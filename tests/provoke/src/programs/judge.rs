@@ -2,6 +2,7 @@
 
 use super::{Dice, Program, Sizes, places};
 use crate::Random;
+use alloc::vec;
 use elunar_core::nn::{Kernel, Model, ModelError, Progress, Runner, required};
 
 /// Most layouts of one program that are run.

@@ -1,6 +1,7 @@
 //! Random inputs and operators with constants within their limits. What a choice makes illegal, the model's validation refuses.
 
 use super::{Dice, Program, ends};
+use alloc::vec::Vec;
 use elunar_core::nn::Illumination;
 use elunar_core::nn::file::*;
 

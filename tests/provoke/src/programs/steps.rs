@@ -1,6 +1,8 @@
 //! Random orders of steps in which every row is written before it is read.
 
 use super::{Dice, Program};
+use alloc::vec;
+use alloc::vec::Vec;
 use elunar_core::nn::file::{Entry, Operator};
 
 /// Orders the steps: operator after operator, as late as possible, or at random.
