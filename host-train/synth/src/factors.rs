@@ -1,4 +1,5 @@
-//! Properties that differ between scenes, apart from ground, Sun and camera: roughness, albedo, photometry, tones of the image, stripes.
+//! Properties that differ between scenes, apart from ground and camera: roughness, albedo, photometry, tones of the image,
+//! stripes, and on which side the Sun stands.
 
 use super::SynthOptions;
 use super::camera::Response;

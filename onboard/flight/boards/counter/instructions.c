@@ -10,28 +10,15 @@
  * lengths of executed translated blocks, so a block that a trap leaves early counts whole (on SPARC: some instructions per
  * spilled register window). Only the running processor is counted.
  *
- * API is QEMU's plugin interface version: 1 up to QEMU 8, 2 from QEMU 9. Only functions that are the same in both are used. They
- * are declared here, because not every distribution packages the header. */
+ * API: plugin.h. */
+#include "plugin.h"
+
 #include <inttypes.h>
 #include <stddef.h>
 #include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
-
-#define EXPORT __attribute__((visibility("default")))
-
-typedef uint64_t plugin_id;
-struct qemu_plugin_tb;
-struct qemu_plugin_insn;
-void qemu_plugin_register_vcpu_tb_trans_cb(plugin_id, void (*)(plugin_id, struct qemu_plugin_tb *));
-void qemu_plugin_register_vcpu_tb_exec_cb(struct qemu_plugin_tb *, void (*)(unsigned, void *), int, void *);
-void qemu_plugin_register_atexit_cb(plugin_id, void (*)(plugin_id, void *), void *);
-size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *);
-uint64_t qemu_plugin_tb_vaddr(const struct qemu_plugin_tb *);
-enum { NO_REGISTERS = 0 };
-
-EXPORT int qemu_plugin_version = API;
 
 static uint64_t start_address, stop_address;
 static uint64_t count;

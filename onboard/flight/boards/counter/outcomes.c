@@ -8,7 +8,9 @@
  * slot. A trap or the end of a page also ends one: the reader of the file, outcomes.py, knows the program's branches and takes theirs alone. Only the
  * running processor is recorded.
  *
- * API: as in instructions.c. */
+ * API: plugin.h. */
+#include "plugin.h"
+
 #include <inttypes.h>
 #include <stddef.h>
 #include <stdint.h>
@@ -16,21 +18,7 @@
 #include <stdlib.h>
 #include <string.h>
 
-#define EXPORT __attribute__((visibility("default")))
-
-typedef uint64_t plugin_id;
-struct qemu_plugin_tb;
-struct qemu_plugin_insn;
-void qemu_plugin_register_vcpu_tb_trans_cb(plugin_id, void (*)(plugin_id, struct qemu_plugin_tb *));
-void qemu_plugin_register_vcpu_tb_exec_cb(struct qemu_plugin_tb *, void (*)(unsigned, void *), int, void *);
-void qemu_plugin_register_atexit_cb(plugin_id, void (*)(plugin_id, void *), void *);
-size_t qemu_plugin_tb_n_insns(const struct qemu_plugin_tb *);
-struct qemu_plugin_insn *qemu_plugin_tb_get_insn(const struct qemu_plugin_tb *, size_t);
-uint64_t qemu_plugin_tb_vaddr(const struct qemu_plugin_tb *);
-uint64_t qemu_plugin_insn_vaddr(const struct qemu_plugin_insn *);
-enum { NO_REGISTERS = 0, SUCCESSORS = 8, BUCKETS = 1 << 16 };
-
-EXPORT int qemu_plugin_version = API;
+enum { SUCCESSORS = 8, BUCKETS = 1 << 16 };
 
 /* The last instruction of blocks. */
 struct last {
