@@ -39,8 +39,9 @@ use strength::{Expected, Strength};
 
 /// Cells along the side of the widest square.
 const COLUMNS: usize = 4;
-/// Columns of cells that are read together where memory allows it.
-const COLUMNS_TOGETHER: usize = 32;
+/// Columns of cells that are read together where memory allows it. With 32 the function has 32 KiB of stack, which LLVM reserves in a loop that may
+/// overwrite an argument.
+const COLUMNS_TOGETHER: usize = 24;
 /// Octaves of the fit.
 const OCTAVES: usize = 2;
 /// Smallest number of degrees of freedom of an octave: two are fitted.
@@ -228,7 +229,7 @@ impl<S: Samples> FitPart<'_, S> {
         self.add_columns::<COLUMNS, 1>(fit, brightness, column, 1);
     }
 
-    /// Adds all squares, of many columns together: each pixel is read about once, not ten times, with 20 KB of stack. The sums are the same.
+    /// Adds all squares, of many columns together: each pixel is read about once, not ten times, with 29 KB of stack. The sums are the same.
     fn add_all(&self, fit: &mut LightFit, brightness: &Brightness) {
         let (columns, together) = (self.columns(), COLUMNS_TOGETHER - (COLUMNS - 1) * PHASES);
         for first in (0..columns).step_by(together) {

@@ -377,3 +377,21 @@ fn the_sun_follows_from_the_time_of_the_image() {
     assert!(String::from_utf8_lossy(&refused.stderr).contains("a moment in UTC"), "{refused:?}");
     assert!(elevation_deg < 90.0);
 }
+
+/// LLVM reserves 32 KiB of stack and more in a loop that overwrites the register r11. It puts that loop behind the first instructions of a function
+/// if these need no stack, even where r11 holds an argument (with `-C force-frame-pointers=yes` the fit of the light read a wrong length).
+#[test]
+fn no_function_reserves_its_stack_in_a_loop() {
+    if cfg!(not(target_arch = "x86_64")) {
+        println!("SKIPPED: reserved stack: instructions of x86-64");
+        return;
+    }
+    // mov r11, rsp; sub r11, SIZE; then the loop: sub rsp, 4096; mov [rsp], 0; cmp rsp, r11.
+    const BEGIN: [u8; 6] = [0x49, 0x89, 0xe3, 0x49, 0x81, 0xeb];
+    const LOOP: [u8; 18] =
+        [0x48, 0x81, 0xec, 0x00, 0x10, 0x00, 0x00, 0x48, 0xc7, 0x04, 0x24, 0x00, 0x00, 0x00, 0x00, 0x4c, 0x39, 0xdc];
+    let is_loop = |code: &&[u8]| code.starts_with(&BEGIN) && code[BEGIN.len() + 4..].starts_with(&LOOP);
+    let program = std::fs::read(env!("CARGO_BIN_EXE_elunar")).unwrap();
+    let found = program.windows(BEGIN.len() + 4 + LOOP.len()).filter(is_loop).count();
+    assert_eq!(found, 0, "functions with 32 KiB of stack or more: make their arrays smaller");
+}
