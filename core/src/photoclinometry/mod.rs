@@ -18,6 +18,7 @@ mod expected;
 mod fft;
 mod guide;
 mod share;
+mod spectrum;
 mod work;
 
 pub use expected::{Errors, ExpectedErrors, Origin};
@@ -33,6 +34,7 @@ use crate::tile::Shape;
 use core::ops::Range;
 use fft::{GROUP, Lanes, Order, Way, transform};
 use share::Power;
+use spectrum::{Gain, filter, power};
 pub(crate) use work::{FieldWork, Task};
 
 /// Weight of slopes across the light, relative to the misfit along it (our choice: of 0.02 to 0.1 the best on synthetic scenes).
@@ -279,7 +281,10 @@ impl Photoclinometry {
     }
 
     /// Returns the wave number of frequency `k` of `n`, radians per pixel.
+    #[inline(always)]
     fn wave(k: usize, n: usize) -> f32 {
+        // Processors with vectors turn shorter integers into floats side by side.
+        let (k, n) = (k as i32, n as i32);
         let signed = if 2 * k > n { k as f32 - n as f32 } else { k as f32 };
         core::f32::consts::TAU * signed / n as f32
     }
@@ -288,31 +293,24 @@ impl Photoclinometry {
     /// counts.
     fn power(&self, field: &[f32], block: usize, octaves: &mut [Power; OCTAVES]) {
         let (height, width, half) = (self.rows.len(), self.cols.len(), self.cols.len() / 2);
-        let mut add = |down: f32, across: f32, power: f32| {
-            let all = across * across + down * down;
-            if let Some(octave) = octaves.get_mut(share::octave(all)) {
-                octave.total += f64::from(power);
-                octave.cos += f64::from(power * ((across * across - down * down) / all));
-                octave.sin += f64::from(power * (2.0 * across * down / all));
-                octave.waves += 1.0;
-            }
-        };
         let Some(rows) = self.spectrum(block) else {
             // The first column contains two real sequences; its frequency 0 is half their sum.
             for m in 1..height.div_ceil(2) {
                 let (p, q) = (self.rows.place(m) * width, self.rows.place(height - m) * width);
                 let at = |place: usize| item(field, place);
                 let (re, im) = (0.5 * (at(p) + at(q)), 0.5 * (at(p + half) - at(q + half)));
-                add(Self::wave(m, height), 0.0, re * re + im * im);
+                let (down, power) = (Self::wave(m, height), re * re + im * im);
+                if let Some(octave) = octaves.get_mut(share::octave(down * down)) {
+                    // Across the rows' direction.
+                    octave.add(power, -power, 0.0);
+                }
             }
             return;
         };
         for m in rows.filter(|m| 2 * m != height) {
             let (down, line) = (Self::wave(m, height), part(field, self.rows.place(m) * width, width));
             let (re, im) = line.split_at_checked(half).unwrap_or_default();
-            for (k, (re, im)) in re.iter().zip(im).enumerate().skip(1) {
-                add(down, Self::wave(k, width), re * re + im * im);
-            }
+            power(re, im, (down, width), octaves);
         }
     }
 
@@ -407,7 +405,7 @@ impl Photoclinometry {
     fn filter(
         &self,
         field: &mut [f32],
-        [east, south]: [f32; 2],
+        direction: [f32; 2],
         coarse_px: f32,
         (share, trust): (&Share, f32),
         block: usize,
@@ -417,23 +415,19 @@ impl Photoclinometry {
         // At least one pixel, because level ground far from any coarse pixel has no scale of its own.
         let length_px = STIFFNESS_COARSE_PX * coarse_px.max(1.0);
         let stiffness = 1.0 / (length_px * length_px);
-        let gain = |down: f32, across: f32| {
-            let (along, all) = (east * across + south * down, across * across + down * down);
-            scale * along / (along * along + share.smoothness(all) * all + stiffness)
-        };
+        let gain = Gain { direction, weights: &share.weights(), scale, stiffness };
         let Some(rows) = self.spectrum(block) else {
-            return self.filter_first(field, |down| gain(down, 0.0));
+            return self.filter_first(field, |down| {
+                let [weight] = gain.weights.of(&[down * down]);
+                gain.of([0.0, down], down * down, weight)
+            });
         };
         for m in rows {
-            // The highest frequency has no sign, so an odd filter makes it 0.
-            let middle = 2 * m == height;
             let (down, line) = (Self::wave(m, height), part_mut(field, self.rows.place(m) * width, width));
             let (re, im) = line.split_at_mut_checked(half).unwrap_or_default();
-            for (k, (re, im)) in re.iter_mut().zip(im).enumerate().skip(1) {
-                let gain = if middle { 0.0 } else { gain(down, Self::wave(k, width)) };
-                // Multiplication by -i.
-                (*re, *im) = (*im * gain, -*re * gain);
-            }
+            // The highest frequency has no sign, so an odd filter makes it 0.
+            let is_removed = 2 * m == height;
+            filter(re, im, (down, width), gain, is_removed);
         }
     }
 

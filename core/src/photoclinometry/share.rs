@@ -45,6 +45,15 @@ pub(super) struct Power {
 }
 
 impl Power {
+    /// Adds a wave of this power, and its parts P cos 2d and P sin 2d.
+    #[inline(always)]
+    pub(super) fn add(&mut self, power: f32, cos: f32, sin: f32) {
+        self.total += f64::from(power);
+        self.cos += f64::from(cos);
+        self.sin += f64::from(sin);
+        self.waves += 1.0;
+    }
+
     /// Writes or reads it.
     pub(super) fn visit(&mut self, words: &mut Words<'_>) {
         let Self { total, cos, sin, waves } = self;
@@ -181,15 +190,46 @@ pub struct Share {
 }
 
 /// Returns pi^2 / K^2, the square of half a wavelength in pixels, of a wave number squared; the exponent of its square root is the octave.
+#[inline(always)]
 fn half_wavelength_squared(wave_number_squared: f32) -> f32 {
     PI * PI / wave_number_squared
 }
 
 /// Returns the octave of a wave: 0 for 2 to 4 pixels, 1 for 4 to 8, and so on.
+#[inline(always)]
 pub(super) fn octave(wave_number_squared: f32) -> usize {
     let exponent = half_wavelength_squared(wave_number_squared).to_bits() >> 23;
     // The exponent is counted from 127. A diagonal wave may be shorter than two pixels.
     ((exponent.saturating_sub(127) / 2) as usize).min(OCTAVES - 1)
+}
+
+/// The weights of slopes in all octaves. Beyond the last one its weight repeats, up to a power of two: no index needs a check.
+pub(super) struct Weights([f32; 2 * OCTAVES]);
+
+impl Weights {
+    /// Returns the weights ([`Share::smoothness`]) of waves side by side.
+    #[inline(always)]
+    pub(super) fn of<const N: usize>(&self, wave_numbers_squared: &[f32; N]) -> [f32; N] {
+        const WHOLE: f32 = (1 << 23) as f32;
+        let (mut below, mut part, mut weights) = ([0; N], [0.0; N], [0.0; N]);
+        for i in 0..N {
+            let bits = half_wavelength_squared(wave_numbers_squared[i]).to_bits();
+            // Logarithm to base 2, straight between powers of two: exponent and fraction of the number itself.
+            let logarithm = (bits >> 23) as f32 - 127.0 + (bits & 0x7F_FFFF) as f32 / (1 << 23) as f32;
+            let place = (0.5 * logarithm - 0.5).clamp(0.0, (OCTAVES - 1) as f32);
+            // The floor without a conversion, of which not every processor has vectors: beside 2^23 a float has no fraction, and its low bits
+            // are the whole number.
+            let near = (place + WHOLE) - WHOLE;
+            let floor = if near > place { near - 1.0 } else { near };
+            below[i] = (floor + WHOLE).to_bits();
+            part[i] = place - floor;
+        }
+        for i in 0..N {
+            let at = |index: u32| self.0[index as usize % (2 * OCTAVES)];
+            weights[i] = at(below[i]) + part[i] * (at(below[i] + 1) - at(below[i]));
+        }
+        weights
+    }
 }
 
 impl Share {
@@ -239,17 +279,16 @@ impl Share {
         ((1.0 - share) / (2.0 * share)).max(SMOOTHNESS)
     }
 
+    /// Returns the weights of slopes in all octaves.
+    pub(super) fn weights(&self) -> Weights {
+        Weights(core::array::from_fn(|index| self.of_octave(index)))
+    }
+
     /// Returns the weight of slopes relative to the misfit, for a wave number squared: interpolated between the middles of octaves.
     #[must_use]
     pub fn smoothness(&self, wave_number_squared: f32) -> f32 {
-        let bits = half_wavelength_squared(wave_number_squared).to_bits();
-        // Logarithm to base 2, straight between powers of two: exponent and fraction of the number itself.
-        let logarithm = (bits >> 23) as f32 - 127.0 + (bits & 0x7F_FFFF) as f32 / (1 << 23) as f32;
-        let place = (0.5 * logarithm - 0.5).clamp(0.0, (OCTAVES - 1) as f32);
-        let below = place as usize;
-        let part = place - below as f32;
-        let weight = self.of_octave(below);
-        weight + part * (self.of_octave(below + 1) - weight)
+        let [weight] = self.weights().of(&[wave_number_squared]);
+        weight
     }
 
     /// Returns the variance of slopes in an octave, over both axes, (m/m)^2: relief without a preferred direction has half of it along the light.

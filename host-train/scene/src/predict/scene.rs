@@ -205,26 +205,32 @@ impl Scene {
         let (pixel, cell_px) = (PixelSize::square(f64::from(self.pixel_m)), LightFit::cell_px(self.coarse_px));
         let blocks = self.rows.div_ceil(SURVEY_ROWS).min(SURVEY_BLOCKS);
         let rows = self.rows.min(SURVEY_ROWS);
+        // Evenly spread, with the last block at the end.
+        let read = |block: usize| self.band((self.rows - rows) * block / (blocks - 1).max(1), rows);
+        let mut ahead = (blocks > 0).then(|| read(0));
         for block in 0..blocks {
             if progress(block, blocks).is_break() {
                 return Err(Error::stopped(format!("stopped in the survey, after {block} of {blocks} blocks of rows")));
             }
-            // Evenly spread, with the last block at the end.
-            let first = (self.rows - rows) * block / (blocks - 1).max(1);
-            let band = self.band(first, rows)?;
-            for (&z, is_valid) in band.coarse_m.iter().zip(band.valid()) {
-                // Without a branch, so that the compiler can use vectors.
-                covered_pixels += u64::from(is_valid);
-                range.0 = if is_valid { range.0.min(z) } else { range.0 };
-                range.1 = if is_valid { range.1.max(z) } else { range.1 };
-            }
-            brightness.add(&band.image);
+            let Some(band) = ahead.take().transpose()? else { break };
+            let of_pixels = || {
+                for (&z, is_valid) in band.coarse_m.iter().zip(band.valid()) {
+                    // Without a branch, so that the compiler can use vectors.
+                    covered_pixels += u64::from(is_valid);
+                    range.0 = if is_valid { range.0.min(z) } else { range.0 };
+                    range.1 = if is_valid { range.1.max(z) } else { range.1 };
+                }
+                brightness.add(&band.image);
+                // Cells with a void are left out.
+                light.add(&band.image[..], &band.coarse_m, self.cols, pixel, cell_px);
+            };
             let of_parts = || {
                 band.add_contrast(&mut contrast, self.coarse_px);
                 parts.add(&band, pixel);
             };
-            // Cells with a void are left out.
-            rayon::join(|| light.add(&band.image[..], &band.coarse_m, self.cols, pixel, cell_px), of_parts);
+            // The next block is read meanwhile.
+            let next = || (block + 1 < blocks).then(|| read(block + 1));
+            (ahead, _) = rayon::join(next, || rayon::join(of_pixels, of_parts));
         }
         let (row_m, col_m) = self.georef.pixel_m(self.rows, self.cols).unwrap_or((0.0, 0.0));
         Ok(Survey {
