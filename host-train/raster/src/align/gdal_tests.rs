@@ -110,36 +110,48 @@ fn raw(path: &Path) -> Vec<f32> {
 fn gdals_warper_agrees() {
     let folder = tempfile::tempdir().unwrap();
     let methods = [Interpolation::Bicubic, Interpolation::Bilinear, Interpolation::CubicSpline];
-    for (name, mut source, target) in pairs() {
+    let with_gap = |(name, mut source, target): (&'static str, Raster, Raster)| {
         // A gap, two pixels wide, in the middle.
         let middle = source.samples.len() / 2 + source.cols / 2;
         source.samples[middle..middle + 2].fill(f32::NAN);
-        for (file, raster) in [("s.tif", &source), ("t.tif", &target)] {
-            geotiff::write(&folder.path().join(file), raster, &geotiff::WriteOptions::heights("x")).unwrap();
+        (name, source, target)
+    };
+    let pairs: Vec<_> = pairs().map(with_gap).collect();
+    for (i, (_, source, target)) in pairs.iter().enumerate() {
+        for (kind, raster) in [("s", source), ("t", target)] {
+            let file = folder.path().join(format!("{kind}{i}.tif"));
+            geotiff::write(&file, raster, &geotiff::WriteOptions::heights("x")).unwrap();
         }
-        // By default, GDAL approximates positions to an eighth of a pixel.
-        let script = "
+    }
+    // By default, GDAL approximates positions to an eighth of a pixel.
+    let script = format!(
+        "
 from rasterio.vrt import WarpedVRT
 from rasterio.enums import Resampling
-s, t = rasterio.open('s.tif'), rasterio.open('t.tif')
-for method in ('cubic', 'bilinear', 'cubic_spline'):
-    with WarpedVRT(s, crs=t.crs, transform=t.transform, width=t.width, height=t.height, resampling=Resampling[method],
-                   tolerance=1e-9, XSCALE=1, YSCALE=1) as v:
-        v.read(1, masked=True).astype('f4').filled(np.nan).tofile(method + '.raw')
-";
-        if gdal(script, folder.path()).is_none() {
-            return;
-        }
-        for (interpolation, file) in methods.into_iter().zip(["cubic.raw", "bilinear.raw", "cubic_spline.raw"]) {
-            let ours = onto(Named::new("s", &source), Named::new("t", &target), interpolation).unwrap();
-            let theirs = raw(&folder.path().join(file));
+for i in range({}):
+    s, t = rasterio.open(f's{{i}}.tif'), rasterio.open(f't{{i}}.tif')
+    for method in ('cubic', 'bilinear', 'cubic_spline'):
+        with WarpedVRT(s, crs=t.crs, transform=t.transform, width=t.width, height=t.height, resampling=Resampling[method],
+                       tolerance=1e-9, XSCALE=1, YSCALE=1) as v:
+            v.read(1, masked=True).astype('f4').filled(np.nan).tofile(f'{{method}}{{i}}.raw')
+",
+        pairs.len()
+    );
+    if gdal(&script, folder.path()).is_none() {
+        return;
+    }
+    for (pair, (name, source, target)) in pairs.iter().enumerate() {
+        let edge = Edge::of(source, target);
+        for (interpolation, file) in methods.into_iter().zip(["cubic", "bilinear", "cubic_spline"]) {
+            let ours = onto(Named::new("s", source), Named::new("t", target), interpolation).unwrap();
+            let theirs = raw(&folder.path().join(format!("{file}{pair}.raw")));
             let (mut compared, mut worst) = (0, 0.0_f32);
             for (i, (a, b)) in ours.samples.iter().zip(&theirs).enumerate() {
                 let (row, col) = (i / target.cols, i % target.cols);
                 // GDAL loses pixels beyond its own seam of longitudes. Beside gaps and edges the two programs follow different rules. Only
                 // the spline follows GDAL's rule, where the source has edges.
                 let own_rule = !(interpolation == Interpolation::CubicSpline && source.cols < 720);
-                if b.is_nan() || own_rule && (a.is_nan() || is_near_edge(&source, &target, row, col)) {
+                if b.is_nan() || own_rule && (a.is_nan() || edge.is_near(row, col)) {
                     continue;
                 }
                 let off = (a - b).abs();
@@ -154,17 +166,27 @@ for method in ('cubic', 'bilinear', 'cubic_spline'):
     }
 }
 
-/// Returns whether the pixel is within three pixels of the source's edge or gap.
-fn is_near_edge(source: &Raster, target: &Raster, row: usize, col: usize) -> bool {
-    let size = |raster: &Raster| (raster.rows, raster.cols);
-    let map = map::Map::between(
-        (target.georef.as_ref().unwrap(), size(target)),
-        (source.georef.as_ref().unwrap(), size(source)),
-    );
-    let (r, c) = map.unwrap().apply(row as f64, col as f64);
-    let inside = r > 2.0 && c > 2.0 && r < source.rows as f64 - 3.0 && c < source.cols as f64 - 3.0;
-    let around = |v: f64| v as usize - 2..v as usize + 4;
-    !inside || around(r).any(|row| around(c).any(|col| source.samples[row * source.cols + col].is_nan()))
+/// The edge of a source, as a target's pixels see it.
+struct Edge<'a> {
+    source: &'a Raster,
+    map: map::Map,
+}
+
+impl<'a> Edge<'a> {
+    fn of(source: &'a Raster, target: &Raster) -> Self {
+        let [of_target, of_source] =
+            [target, source].map(|raster| (raster.georef.as_ref().unwrap(), (raster.rows, raster.cols)));
+        Self { source, map: map::Map::between(of_target, of_source).unwrap() }
+    }
+
+    /// Returns whether the target's pixel is within three pixels of the source's edge or gap.
+    fn is_near(&self, row: usize, col: usize) -> bool {
+        let (r, c) = self.map.apply(row as f64, col as f64);
+        let Raster { rows, cols, samples, .. } = self.source;
+        let inside = r > 2.0 && c > 2.0 && r < *rows as f64 - 3.0 && c < *cols as f64 - 3.0;
+        let around = |v: f64| v as usize - 2..v as usize + 4;
+        !inside || around(r).any(|row| around(c).any(|col| samples[row * cols + col].is_nan()))
+    }
 }
 
 #[test]
