@@ -212,7 +212,8 @@ def programs(package, folder, names, mutants):
         if len(refused) == count:
             fail(f"{package}: does not compile with its mutants: {errors[0]['rendered'] if errors else 'no message'}")
     # What has no mutants of its own takes most of such programs' time.
-    words = [word for name in names for word in ("--test", name)] + ["--config", "profile.dev.package.elunar-core.opt-level=2"] if names else ["--lib"]
+    quick = ["--config", "profile.dev.package.elunar-core.opt-level=2"]
+    words = [word for name in names for word in ("--test", name)] + quick if names else ["--lib"]
     code, messages = cargo("test", "--package", package, *words, "--no-run")
     made = {m["target"]["name"]: m["executable"] for m in messages if m["reason"] == "compiler-artifact" and m["profile"]["test"] and m["executable"]}
     if code or len(made) != max(len(names), 1):

@@ -9,8 +9,8 @@ its source line.
 
 A branch is one conditional instruction: on Arm (Thumb) b<condition>, cbz and cbnz, and returns and calls inside an IT block; on PowerPC also
 conditional returns. Other conditional instructions choose numbers, not ways, and are not counted; nor are jumps through tables. It is the library's
-if the line tables have a function of core, the C interface or libm around it, inlined or not. Functions of Rust's own library that stand alone, and
-what the compiler brings for copies and divisions, are not.
+if the line tables have a function of core, the C interface or libm around it, inlined with a line or not inlined. Functions of Rust's own library
+that stand alone, and what the compiler brings for copies and divisions, are not.
 
 A branch without both outcomes is argued by the innermost line of our source around it; one to which the compiler gives none, by the first line that
 each way leads to that it did not go:
@@ -208,7 +208,8 @@ def judge(board, path, runs):
     judged, ours = [], {program.function_at(address) for address, inside in around.items() if own(inside[-1][1])}
     for branch in found:
         mine = [(own(file), line, column) for _, file, line, column in around[branch.address] if own(file)]
-        if not mine:
+        place = next((frame for frame in mine if frame[1]), None)
+        if not mine or not (place or own(around[branch.address][-1][1])):
             continue
         seen = left.get(branch.leave, set())
         took = branch.target in seen if branch.target is not None else bool(seen - {branch.fall})
@@ -216,9 +217,8 @@ def judge(board, path, runs):
         # A trap may come between; any other way is an error of the reading.
         if branch.target is not None and (other := [s for s in seen - {branch.fall, branch.target} if program.function_at(s) in ours]):
             sys.exit(f"ERROR: {path}: 0x{branch.address:x} {branch.text}: expected 0x{branch.fall:x} or 0x{branch.target:x}, found 0x{other[0]:x}")
-        place = next((frame for frame in mine if frame[1]), mine[0])
         missed = [way for way, went in ((branch.fall, branch.fall in seen), (branch.target, took)) if not went]
-        judged.append((branch, program.function_at(branch.address).name, place, outcomes, missed))
+        judged.append((branch, program.function_at(branch.address).name, place or mine[0], outcomes, missed))
     if not judged:
         sys.exit(f"ERROR: {path}: expected branches of the library, found none")
     whole = {place for *_, place, outcomes, _ in judged if outcomes == "both" and place[1]}
