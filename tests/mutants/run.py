@@ -221,11 +221,11 @@ def programs(package, folder, names, mutants):
     return [made[name] for name in names or made], refused
 
 
-def killer(made, folder, names, number, seconds):
-    """Returns the first of the tests with these names in these programs that fails in so many seconds of the processor; None if all pass."""
+def killer(made, folder, names, number):
+    """Returns the first of the tests with these names that fails; None if all pass. `made`: each program, and its seconds of the processor."""
     words = ["-Z", "unstable-options", "--fail-fast", "--test-threads", "1", *SLOW]
-    limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    for tests in made:
+    for tests, seconds in made:
+        limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
         done = subprocess.run(["nice", "-n", "19", tests, *names, *words], cwd=FOLDER / "tree" / folder, preexec_fn=limit, capture_output=True,
                               env=environment() | {"MUTANT": str(number), "RUSTC_BOOTSTRAP": "1"})
         if done.returncode:
@@ -265,20 +265,22 @@ def try_all(areas, since):
             mutant["number"] = number
         inside = [mutant for mutant in mutants if mutant["function"]]
         made, refused = programs(package, folder, names, inside)
-        seconds = {}
+        timed = {}
         for area in dict.fromkeys(mutant["area"] for mutant in mutants):
-            before = spent()
-            if by := killer(made, folder, AREAS[area][2], 0, resource.RLIM_INFINITY):
-                fail(f"{area}: a test fails without a mutant: {by}")
-            seconds[area] = max(SECONDS, round(5 * (spent() - before)))
-            print(f"{area}: a mutant has {seconds[area]} s", flush=True)
+            timed[area] = []
+            for tests in made:
+                before = spent()
+                if by := killer([(tests, resource.RLIM_INFINITY)], folder, AREAS[area][2], 0):
+                    fail(f"{area}: a test fails without a mutant: {by}")
+                timed[area].append((tests, max(SECONDS, round(5 * (spent() - before)))))
+            print(f"{area}: a mutant has {' + '.join(str(most) for _, most in timed[area])} s", flush=True)
         for mutant in mutants:
             area, name = mutant["area"], mutant["name"]
             if results_of(area).get(name) in ("killed", "not tried"):
                 continue
             outcome, by = "not tried", None
             if mutant["function"] and mutant["number"] not in refused:
-                by = killer(made, folder, AREAS[area][2], mutant["number"], seconds[area])
+                by = killer(timed[area], folder, AREAS[area][2], mutant["number"])
                 outcome = "killed" if by else "survives"
             with (FOLDER / f"{area}.csv").open("a") as file:
                 csv.writer(file, lineterminator="\n").writerow([name, outcome, by])

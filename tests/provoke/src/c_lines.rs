@@ -245,14 +245,14 @@ fn make_strip(
     handle
 }
 
-/// Asks a strip what it counted; in place of its own memory, if that is wanted, which is refused.
-fn strip_telemetry(handle: *mut eld_strip_t, room: &mut Room, inside: bool) -> eld_status_t {
+/// Asks a strip what it counted; or, which is refused, to write it where it must not.
+fn strip_telemetry(handle: *mut eld_strip_t, room: &Room, wrong: Option<*mut u8>) -> eld_status_t {
     let struct_bytes = size_of::<eld_strip_telemetry_t>() as u32;
     let mut out = eld_strip_telemetry_t { struct_bytes, ..Default::default() };
     // SAFETY: a strip and a structure of the test, or refused.
-    let status = unsafe { eld_strip_telemetry(handle, if inside { room.at() } else { &raw mut out }) };
+    let status = unsafe { eld_strip_telemetry(handle, wrong.map_or(&raw mut out, <*mut u8>::cast)) };
     let lost = out.memory_faults + out.pieces_lost + out.tiles_again;
-    assert!(!room.whole || worked(status) != inside && lost == 0, "{out:?}");
+    assert!(!room.whole || worked(status) == wrong.is_none() && lost == 0, "{out:?}");
     status
 }
 
@@ -286,6 +286,7 @@ fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
         let base = floats.as_mut_ptr();
         let part = |at: usize| base.wrapping_add(at * cols);
         let (a, b, c) = (part(0), part(1), part(2));
+        let own = if noise.is_multiple_of(2) { room.at() } else { place };
         if noise < 64 {
             room.harm(how, &[0, 1, 6, 6, 6, 6], reader);
             if how >= 254 {
@@ -298,11 +299,11 @@ fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
             match how % 12 {
                 0..=3 => {
                     let coarse = if settings.post_cols > 0 { (null(), 0) } else { (a.cast_const(), cols) };
-                    let data = if how == 24 { room.at::<u8>() } else { pixels.as_ptr().cast_mut() };
+                    let data = if how == 24 { own } else { pixels.as_ptr().cast_mut() };
                     eld_strip_push(handle, data.cast(), pixels.len(), coarse.0, coarse.1)
                 }
                 4 => {
-                    let posts = if how.is_multiple_of(5) { room.at() } else { a };
+                    let posts = if how.is_multiple_of(5) { own.cast() } else { a };
                     eld_strip_push_posts(handle, posts, settings.post_cols as usize)
                 }
                 5..=7 => eld_strip_step(handle, [1, 1 << 14, u64::MAX][how as usize % 3]),
@@ -311,7 +312,7 @@ fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
                 10 if how > 240 => eld_strip_finish(handle),
                 10 if how > 200 => eld_strip_finish_posts(handle),
                 10 => eld_strip_scrub(handle, reader.byte() as usize * 64),
-                _ => strip_telemetry(handle, &mut room, how.is_multiple_of(5)),
+                _ => strip_telemetry(handle, &room, how.is_multiple_of(5).then_some(own)),
             }
         };
         count(tally, status, !room.whole);
