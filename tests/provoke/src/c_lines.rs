@@ -245,22 +245,30 @@ fn make_strip(
     handle
 }
 
-/// Asks a strip what it counted; or, which is refused, to write it where it must not.
-fn strip_telemetry(handle: *mut eld_strip_t, room: &Room, wrong: Option<*mut u8>) -> eld_status_t {
+/// Asks a strip what it counted: into a structure on the stack, behind the model, or at a place that is refused.
+fn strip_telemetry(handle: *mut eld_strip_t, room: &Room, how: u8, behind: *mut u8, own: *mut u8) -> eld_status_t {
     let struct_bytes = size_of::<eld_strip_telemetry_t>() as u32;
     let mut out = eld_strip_telemetry_t { struct_bytes, ..Default::default() };
-    // SAFETY: a strip and a structure of the test, or refused.
-    let status = unsafe { eld_strip_telemetry(handle, wrong.map_or(&raw mut out, <*mut u8>::cast)) };
+    let told = if how % 5 == 1 { behind.cast() } else { &raw mut out };
+    // SAFETY: a strip and structures of the test, or refused.
+    let status = unsafe {
+        told.write(out);
+        eld_strip_telemetry(handle, if how.is_multiple_of(5) { own.cast() } else { told })
+    };
+    // SAFETY: written above.
+    let out = unsafe { told.read() };
     let lost = out.memory_faults + out.pieces_lost + out.tiles_again;
-    assert!(!room.whole || worked(status) == wrong.is_none() && lost == 0, "{out:?}");
+    assert!(!room.whole || worked(status) != how.is_multiple_of(5) && lost == 0, "{out:?}");
     status
 }
 
 fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
-    let mut model = sound_models()[reader.byte() as usize % sound_models().len()].to_vec();
+    let sound = sound_models()[reader.byte() as usize % sound_models().len()];
+    let mut model = [sound, &[0; 256]].concat();
     let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
     let place = model.as_mut_ptr();
-    let (mut check, file) = (eld_check_t::default(), (place.cast_const().cast(), model.len()));
+    let behind = place.wrapping_add(sound.len().next_multiple_of(8));
+    let (mut check, file) = (eld_check_t::default(), (place.cast_const().cast(), sound.len()));
     // SAFETY: structures and memory of the test, here and below.
     let checked = unsafe { ffi::eld_model_check_step(file.0, file.1, u64::MAX, &raw mut check, &raw mut info) };
     assert_eq!(checked, ELD_OK);
@@ -291,7 +299,7 @@ fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
             room.harm(how, &[0, 1, 6, 6, 6, 6], reader);
             if how >= 254 {
                 // SAFETY: a byte of the model, between calls; what flips in the memory is told, too.
-                unsafe { *place.add(reader.word() as usize % model.len()) ^= how };
+                unsafe { *place.add(reader.word() as usize % sound.len()) ^= how };
             }
         }
         // SAFETY: as above.
@@ -312,7 +320,7 @@ fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
                 10 if how > 240 => eld_strip_finish(handle),
                 10 if how > 200 => eld_strip_finish_posts(handle),
                 10 => eld_strip_scrub(handle, reader.byte() as usize * 64),
-                _ => strip_telemetry(handle, &room, how.is_multiple_of(5).then_some(own)),
+                _ => strip_telemetry(handle, &room, how, behind, own),
             }
         };
         count(tally, status, !room.whole);
