@@ -62,7 +62,7 @@ AREAS = {
     "terrain": (CORE, ["terrain/**/*.rs"], ["terrain::"], 10),
     "geotiff": (RASTER, ["geotiff/*.rs"], ["geotiff::"], 40),
     "pds3": (RASTER, ["pds3/*.rs"], ["pds3::"], 18),
-    "capi": (CAPI, ["**/*.rs"], [], 8),
+    "capi": (CAPI, ["**/*.rs"], [], 12),
 }
 # Selects a body; in the root of each package. Programs of tests link the library that everybody links.
 SELECT = """
