@@ -7,10 +7,10 @@
     ELUNAR_MUTANTS=DIR    copy of the source, programs and results (default: target/mutants)
     ELUNAR_EVERY=N        tries every N-th mutant of an area instead of its own sample
 
-All mutants of a package are in one program of its unit tests: a changed function has a body for each, which the environment selects. So a mutant
-takes seconds, not a build. Mutants outside of functions, and those that do not compile, are not tried. Only unit tests with the area's names run,
-without the longest ones; the first failure ends them, and so does five times the processor's time that they take without a mutant. A run that was
-stopped goes on where it was; what survived is tried again. elunar-capi is not among the areas: its tests are programs of their own.
+All mutants of a package are in one program of its unit tests, or in programs of tests where a package has no others: a changed function has a body
+for each, which the environment selects. So a mutant takes seconds, not a build. Mutants outside of functions, and those that do not compile, are not
+tried. Only tests with the area's names run, without the longest ones; the first failure ends them, and so does five times the processor's time that
+they take without a mutant. A run that was stopped goes on where it was; what survived is tried again.
 """
 
 import csv
@@ -35,7 +35,12 @@ SECONDS = 10
 # Take as long as all others together.
 SLOW = ["--skip", "no_flipped_bit_changes", "--skip", "whatever_", "--skip", "power_may_go_after_any_byte"]
 
-CORE, RASTER = ("elunar-core", "core"), ("elunar-raster", "host-train/raster")
+# Package, its folder, and its programs of tests; none: its unit tests.
+CORE, RASTER = ("elunar-core", "core", ()), ("elunar-raster", "host-train/raster", ())
+CAPI = (
+    "elunar-capi", "onboard/capi",
+    ("small_calls", "check_step", "light", "sun", "terrain", "slots", "refusals", "aliasing", "program", "strips", "tiles", "flips"),
+)
 # Package, files, names of tests, and the sample: every so many mutants.
 AREAS = {
     "quant": (CORE, ["quant/*.rs"], ["quant::", "requantise"], 4),
@@ -57,16 +62,15 @@ AREAS = {
     "terrain": (CORE, ["terrain/**/*.rs"], ["terrain::"], 10),
     "geotiff": (RASTER, ["geotiff/*.rs"], ["geotiff::"], 40),
     "pds3": (RASTER, ["pds3/*.rs"], ["pds3::"], 18),
+    "capi": (CAPI, ["**/*.rs"], [], 12),
 }
-# Selects a body; in the root of each package.
+# Selects a body; in the root of each package. Programs of tests link the library that everybody links.
 SELECT = """
-#[cfg(test)]
 pub(crate) fn mutant() -> u32 {
+    extern crate std;
     static NUMBER: std::sync::OnceLock<u32> = std::sync::OnceLock::new();
     *NUMBER.get_or_init(|| std::env::var("MUTANT").map_or(0, |text| text.parse().unwrap()))
 }
-#[cfg(not(test))]
-pub(crate) fn mutant() -> u32 { 0 }
 """
 
 
@@ -76,7 +80,7 @@ def fail(text):
 
 def listed(area, *more):
     """Returns mutants of an area."""
-    (package, folder), files, _, _ = AREAS[area]
+    (package, folder, _), files, _, _ = AREAS[area]
     words = [word for name in files for word in ("--file", f"{folder}/src/{name}")]
     done = subprocess.run(["cargo", "mutants", "--list", "--json", "--package", package, *words, *more], cwd=ROOT, capture_output=True, text=True)
     if done.returncode:
@@ -145,7 +149,7 @@ def put(path, text):
 
 
 def environment():
-    # The program is built once and ends soon: what it takes to optimise it would be more.
+    # What has mutants is built once and ends soon: what it takes to optimise it would be more.
     profile = {"CARGO_PROFILE_DEV_OPT_LEVEL": "0", "CARGO_PROFILE_DEV_DEBUG": "0", "CARGO_INCREMENTAL": "0"}
     cases = {"PROPTEST_RNG_SEED": "1", "PROPTEST_DISABLE_FAILURE_PERSISTENCE": "true", "ELUNAR_SHARED": str(FOLDER / "none")}
     return os.environ | profile | cases | {"CARGO_TARGET_DIR": str(FOLDER / "programs")}
@@ -168,8 +172,8 @@ def copy_the_source(but):
             shutil.copy(source, copy)
 
 
-def program(package, folder, mutants):
-    """Builds the unit tests of a package with these mutants. Returns the program, and the numbers of those that do not compile."""
+def programs(package, folder, names, mutants):
+    """Builds the tests of a package with these mutants. Returns the programs, and the numbers of those that do not compile."""
     root = f"{folder}/src/lib.rs"
     copy_the_source({mutant["file"] for mutant in mutants} | {root})
     # Those that did not compile before are not tried again: the compiler finds a few at a time.
@@ -207,21 +211,27 @@ def program(package, folder, mutants):
         kept.write_text(json.dumps([mutant["name"] for mutant in mutants if mutant["number"] in refused]))
         if len(refused) == count:
             fail(f"{package}: does not compile with its mutants: {errors[0]['rendered'] if errors else 'no message'}")
-    code, messages = cargo("test", "--package", package, "--lib", "--no-run")
-    programs = [m["executable"] for m in messages if m["reason"] == "compiler-artifact" and m["profile"]["test"] and m["executable"]]
-    if code or len(programs) != 1:
-        fail(f"{package}: expected a program of unit tests, found {programs}")
-    return programs[0], refused
+    # What has no mutants of its own takes most of such programs' time.
+    quick = ["--config", "profile.dev.package.elunar-core.opt-level=2"]
+    words = [word for name in names for word in ("--test", name)] + quick if names else ["--lib"]
+    code, messages = cargo("test", "--package", package, *words, "--no-run")
+    made = {m["target"]["name"]: m["executable"] for m in messages if m["reason"] == "compiler-artifact" and m["profile"]["test"] and m["executable"]}
+    if code or len(made) != max(len(names), 1):
+        fail(f"{package}: expected {len(names) or 'a program of unit'} tests, found {', '.join(made) or 'none'}")
+    return [made[name] for name in names or made], refused
 
 
-def killer(tests, folder, names, number, seconds):
-    """Returns the first of the tests with these names that fails in so many seconds of the processor; None if all pass."""
+def killer(made, folder, names, number):
+    """Returns the first of the tests with these names that fails; None if all pass. `made`: each program, and its seconds of the processor."""
     words = ["-Z", "unstable-options", "--fail-fast", "--test-threads", "1", *SLOW]
-    limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    done = subprocess.run(["nice", "-n", "19", tests, *names, *words], cwd=FOLDER / "tree" / folder, preexec_fn=limit, capture_output=True,
-                          env=environment() | {"MUTANT": str(number), "RUSTC_BOOTSTRAP": "1"})
-    failed = re.search(r"^test (\S+) \.\.\. FAILED", done.stdout.decode(errors="replace"), re.MULTILINE)
-    return (failed[1] if failed else f"ended with {done.returncode}") if done.returncode else None
+    for tests, seconds in made:
+        limit = lambda: resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
+        done = subprocess.run(["nice", "-n", "19", tests, *names, *words], cwd=FOLDER / "tree" / folder, preexec_fn=limit, capture_output=True,
+                              env=environment() | {"MUTANT": str(number), "RUSTC_BOOTSTRAP": "1"})
+        if done.returncode:
+            failed = re.search(r"^test (\S+) \.\.\. FAILED", done.stdout.decode(errors="replace"), re.MULTILINE)
+            return failed[1] if failed else f"ended with {done.returncode}"
+    return None
 
 
 def spent():
@@ -242,33 +252,35 @@ def try_all(areas, since):
     FOLDER.mkdir(parents=True, exist_ok=True)
     packages = {}
     for area in areas:
-        (package, folder), _, _, every = AREAS[area]
+        package, _, _, every = AREAS[area]
         if since:
             (FOLDER / "diff").write_text(subprocess.run(["git", "diff", since], cwd=ROOT, check=True, capture_output=True, text=True).stdout)
             (FOLDER / f"{area}.csv").unlink(missing_ok=True)
             chosen = listed(area, "--in-diff", str(FOLDER / "diff"))
         else:
             chosen = listed(area)[:: int(os.environ.get("ELUNAR_EVERY", every))]
-        packages.setdefault((package, folder), []).extend(chosen)
-    for (package, folder), mutants in packages.items():
+        packages.setdefault(package, []).extend(chosen)
+    for (package, folder, names), mutants in packages.items():
         for number, mutant in enumerate(mutants, 1):
             mutant["number"] = number
         inside = [mutant for mutant in mutants if mutant["function"]]
-        tests, refused = program(package, folder, inside)
-        seconds = {}
+        made, refused = programs(package, folder, names, inside)
+        timed = {}
         for area in dict.fromkeys(mutant["area"] for mutant in mutants):
-            before = spent()
-            if by := killer(tests, folder, AREAS[area][2], 0, resource.RLIM_INFINITY):
-                fail(f"{area}: a test fails without a mutant: {by}")
-            seconds[area] = max(SECONDS, round(5 * (spent() - before)))
-            print(f"{area}: a mutant has {seconds[area]} s", flush=True)
+            timed[area] = []
+            for tests in made:
+                before = spent()
+                if by := killer([(tests, resource.RLIM_INFINITY)], folder, AREAS[area][2], 0):
+                    fail(f"{area}: a test fails without a mutant: {by}")
+                timed[area].append((tests, max(SECONDS, round(5 * (spent() - before)))))
+            print(f"{area}: a mutant has {' + '.join(str(most) for _, most in timed[area])} s", flush=True)
         for mutant in mutants:
             area, name = mutant["area"], mutant["name"]
             if results_of(area).get(name) in ("killed", "not tried"):
                 continue
             outcome, by = "not tried", None
             if mutant["function"] and mutant["number"] not in refused:
-                by = killer(tests, folder, AREAS[area][2], mutant["number"], seconds[area])
+                by = killer(timed[area], folder, AREAS[area][2], mutant["number"])
                 outcome = "killed" if by else "survives"
             with (FOLDER / f"{area}.csv").open("a") as file:
                 csv.writer(file, lineterminator="\n").writerow([name, outcome, by])

@@ -9,15 +9,16 @@ its source line.
 
 A branch is one conditional instruction: on Arm (Thumb) b<condition>, cbz and cbnz, and returns and calls inside an IT block; on PowerPC also
 conditional returns. Other conditional instructions choose numbers, not ways, and are not counted; nor are jumps through tables. It is the library's
-if the line tables have a function of core, the C interface or libm around it, inlined or not. Functions of Rust's own library that stand alone, and
-what the compiler brings for copies and divisions, are not.
+if the line tables have a function of core, the C interface or libm around it, inlined with a line or not inlined. Functions of Rust's own library
+that stand alone, and what the compiler brings for copies and divisions, are not.
 
-A branch without both outcomes is argued by the innermost line of our source around it:
+A branch without both outcomes is argued by the innermost line of our source around it; one to which the compiler gives none, by the first line that
+each way leads to that it did not go:
     copy       another branch from the same place of the source has both: generic and inlined functions are in the program several times
     host       the tests on the host run that line, and reach both outcomes of its conditions: all lines but those in tests/missed.csv, which
                tests/coverage.sh --write writes (loops and arms of `match` have no conditions there)
     unreached  tests/unreached.csv says why no data reach it
-    on boards  argued.csv beside this file says why boards do not
+    on boards  argued.csv beside this file says why these boards do not; a row that argues nothing is an error
 or it is in libm, a foreign package with tests of its own, of which core calls less than there is."""
 import collections
 import csv
@@ -49,19 +50,28 @@ INDIRECT = {
     SPARC: re.compile(r"(?!)"),
 }
 TARGET = re.compile(r"(?<!#)0x([0-9a-f]+)(?= <|$)")
+JUMP = re.compile(r"(?:b(?:\.[nw])?|ba(?:,pt)?) ")
+# Instructions within which a way has a line of the source.
+NEAR = 128
 
 # leave: the address that the counter names; fall, target: where it goes on (target None: anywhere else).
 Branch = collections.namedtuple("Branch", "address leave fall target text")
 
 
-def branches(elf):
-    """All conditional branches of a program."""
-    machine, code = elf.number(18, 2), []
+def instructions(elf):
+    """All instructions of a program as (address, text)."""
+    code = []
     processor = [f"--mcpu={os.environ['ELUNAR_CPU']}"] if os.environ.get("ELUNAR_CPU") else []
     for line in tool("llvm-objdump", "-d", "--no-show-raw-insn", *processor, elf.path).splitlines():
         at, separator, text = line.partition(":")
         if separator and re.fullmatch(r"\s*[0-9a-f]+", at) and text.strip():
             code.append((int(at, 16), re.sub(r"\s+", " ", text.strip())))
+    return code
+
+
+def branches(elf, code):
+    """All conditional branches among the instructions of a program."""
+    machine = elf.number(18, 2)
     if machine not in DIRECT:
         sys.exit(f"ERROR: {elf.path}: expected a processor whose branches are known ({', '.join(map(str, DIRECT))}), found ELF machine {machine}")
     found = []
@@ -113,6 +123,21 @@ def frames(path, addresses):
     return found
 
 
+def ways(path, code, begins):
+    """Per address where a way begins, the first place of our source that it comes to."""
+    index, at = {address: i for i, (address, _) in enumerate(code)}, {}
+    for begin in filter(None, begins):
+        at[begin], i = [], index[begin]
+        while i is not None and len(at[begin]) < NEAR:
+            address, text = code[i]
+            at[begin].append(address)
+            goal = TARGET.search(text)
+            i = index.get(int(goal[1], 16)) if JUMP.match(text) and goal else i + 1
+    around = frames(path, sorted({address for steps in at.values() for address in steps}))
+    place = lambda address: next(((own(file), line, column) for _, file, line, column in around[address] if own(file) and line), None)
+    return {begin: next(filter(None, map(place, steps)), None) for begin, steps in at.items()}
+
+
 def own(file):
     """The file's name within our source, `libm`, or nothing."""
     path = pathlib.Path(file)
@@ -125,11 +150,12 @@ def own(file):
 class Arguments:
     """Why a branch need not show both outcomes on a board."""
 
-    def __init__(self):
+    def __init__(self, board):
         self._lines = {}
         # A reason that speaks of boards holds on the host alone.
-        unreached = self._read(ROOT / "tests/unreached.csv", lambda row: "boards" not in row["reason"])
-        self.tables = {"unreached": unreached, "on boards": self._read(HERE / "argued.csv", lambda row: row["reason"])}
+        self.unreached = self._read(ROOT / "tests/unreached.csv", lambda row: "boards" not in row["reason"])
+        self.on_boards = self._read(HERE / "argued.csv", lambda row: board in row["boards"].split())
+        self.unused = {(file, code) for file, codes in self.on_boards.items() for code in codes}
         self.missed = collections.defaultdict(list)
         with open(ROOT / "tests/missed.csv", newline="", encoding="utf-8") as file:
             for row in csv.DictReader(file):
@@ -159,26 +185,31 @@ class Arguments:
     def of(self, name, number):
         """Which argument holds for a line."""
         text = self.text(name, number)
-        for kind, table in self.tables.items():
-            if any(code in text for code in table[name]):
-                return kind
+        if any(code in text for code in self.unreached[name]):
+            return "unreached"
         if name == LIBM:
             return LIBM
         occurrence = sum(line.strip() == text for line in self._source(name)[:number])
         # A file that was measured has a row for itself.
         is_missed = (WHOLE, 1) not in self.missed[name] or (text, occurrence) in self.missed[name]
-        return OPEN if is_missed or not text else "host"
+        if text and not is_missed:
+            return "host"
+        rows = {(name, code) for code in self.on_boards[name] if code in text}
+        self.unused -= rows
+        return "on boards" if rows else OPEN
 
 
-def judge(path, runs):
+def judge(board, path, runs):
     """[(branch, function, file, line, outcomes, argument)] of the library's branches."""
-    program, left, arguments = Program(path), edges(runs), Arguments()
-    found = [branch for branch in branches(program.elf) if program.function_at(branch.address)]
+    program, left, arguments = Program(path), edges(runs), Arguments(board)
+    code = instructions(program.elf)
+    found = [branch for branch in branches(program.elf, code) if program.function_at(branch.address)]
     around = frames(path, [branch.address for branch in found])
     judged, ours = [], {program.function_at(address) for address, inside in around.items() if own(inside[-1][1])}
     for branch in found:
         mine = [(own(file), line, column) for _, file, line, column in around[branch.address] if own(file)]
-        if not mine:
+        place = next((frame for frame in mine if frame[1]), None)
+        if not mine or not (place or own(around[branch.address][-1][1])):
             continue
         seen = left.get(branch.leave, set())
         took = branch.target in seen if branch.target is not None else bool(seen - {branch.fall})
@@ -186,14 +217,26 @@ def judge(path, runs):
         # A trap may come between; any other way is an error of the reading.
         if branch.target is not None and (other := [s for s in seen - {branch.fall, branch.target} if program.function_at(s) in ours]):
             sys.exit(f"ERROR: {path}: 0x{branch.address:x} {branch.text}: expected 0x{branch.fall:x} or 0x{branch.target:x}, found 0x{other[0]:x}")
-        # The compiler gives line 0 to what it merged from several lines.
-        place = next((frame for frame in mine if frame[1]), mine[0])
-        judged.append((branch, program.function_at(branch.address).name, place, outcomes))
+        missed = [way for way, went in ((branch.fall, branch.fall in seen), (branch.target, took)) if not went]
+        judged.append((branch, program.function_at(branch.address).name, place or mine[0], outcomes, missed))
     if not judged:
         sys.exit(f"ERROR: {path}: expected branches of the library, found none")
-    whole = {place for *_, place, outcomes in judged if outcomes == "both" and place[1]}
-    argued = lambda place, outcomes: "" if outcomes == "both" else "copy" if place in whole else arguments.of(*place[:2])
-    return [(branch, function, *place[:2], outcomes, argued(place, outcomes)) for branch, function, place, outcomes in judged], arguments
+    whole = {place for *_, place, outcomes, _ in judged if outcomes == "both" and place[1]}
+    # The compiler gives line 0 to what it merged from several lines, or made between them: what its missed ways lead to counts.
+    leads = ways(path, code, [way for *_, place, _, missed in judged if not place[1] for way in missed])
+
+    def argued(place, outcomes, missed):
+        if outcomes == "both":
+            return place, ""
+        if place in whole:
+            return place, "copy"
+        if place[1]:
+            return place, arguments.of(*place[:2])
+        found = [(lead, arguments.of(*lead[:2])) for lead in (leads.get(way) or place for way in missed)]
+        return next((one for one in found if one[1] == OPEN), found[0])
+
+    rows = [(branch, function, outcomes, *argued(place, outcomes, missed)) for branch, function, place, outcomes, missed in judged]
+    return [(branch, function, *place[:2], outcomes, argument) for branch, function, outcomes, place, argument in rows], arguments
 
 
 def report(judged, arguments, missed):
@@ -213,7 +256,7 @@ def report(judged, arguments, missed):
 def main(words):
     """See the top."""
     board, path, *runs = [word for word in words if not word.startswith("--")]
-    judged, arguments = judge(path, runs)
+    judged, arguments = judge(board, path, runs)
     report(judged, arguments, "--missed" in words)
     count = collections.Counter(one[4] for one in judged) + collections.Counter(one[5] for one in judged)
     row = {"board": board, "branches": len(judged)} | {column: count[column] for column in COLUMNS[2:]}
@@ -228,6 +271,8 @@ def main(words):
             out = csv.DictWriter(file, COLUMNS, lineterminator="\n")
             out.writeheader()
             out.writerows(recorded[one] for one in sorted(recorded))
+    for file, code in sorted(arguments.unused):
+        sys.exit(f"ERROR: argued.csv: {file}: expected a branch on {board} that {code!r} argues, found none")
     limit = int(recorded[board][OPEN]) if board in recorded else 0
     if row[OPEN] > limit:
         sys.exit(f"ERROR: {board}: expected at most {limit} branches that are not argued, found {row[OPEN]} (outcomes.sh --missed {board})")

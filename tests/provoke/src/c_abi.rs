@@ -8,6 +8,8 @@ mod alone;
 mod errors;
 mod light;
 
+pub(crate) use light::odd_light;
+
 use crate::model::{Reader, mutated, sound_models};
 use alloc::boxed::Box;
 use alloc::vec;
@@ -173,7 +175,12 @@ impl Tile {
                 let posts_len = if cols > 0 && value & 1 == 0 { posts_len / cols * cols } else { posts_len };
                 let posts = eld_posts_t { posts_m, posts_len, cols, row0, rows_per_line, col0, cols_per_px };
                 self.c.posts = &raw const **self.posts.insert(Box::new(posts));
-                (self.c.coarse_m, self.c.coarse_len) = (null(), 0);
+                // Mostly in place of the coarse DTM.
+                (self.c.coarse_m, self.c.coarse_len) = match value >> 1 & 7 {
+                    0 => (self.c.coarse_m, self.c.coarse_len),
+                    1 => (null(), self.c.coarse_len),
+                    _ => (null(), 0),
+                };
             }
             _ => self.mask.get_or_insert(vec![1; self.image.len()])[at] = value as u8,
         }

@@ -2,10 +2,11 @@
 //! replay. Bytes choose the next function and errors in its arguments; bits of the lent memory flip between calls.
 #![allow(unsafe_code)] // C functions
 
-use crate::c_abi::Tally;
+use crate::c_abi::{Tally, odd_light};
 use crate::model::{Reader, sound_models};
 use alloc::vec;
 use alloc::vec::Vec;
+use core::ffi::c_void;
 use core::ptr::{null, null_mut};
 use elunar_capi::ffi;
 use elunar_capi::ffi::{slots::*, strip::*};
@@ -13,6 +14,7 @@ use elunar_capi::slots::types::*;
 use elunar_capi::status::*;
 use elunar_capi::strip::types::*;
 use elunar_capi::types::*;
+use elunar_core::nn::file::crc32c;
 use elunar_core::nn::slots::ModelId;
 
 /// Words before and after lent memory, which must not change.
@@ -46,6 +48,34 @@ impl Room {
         let words = self.memory.len() - 2 * GUARD;
         self.memory[GUARD + bit / 64 % words] ^= 1 << (bit % 64);
         self.whole = false;
+    }
+
+    /// Changes bits of a word of the sealed state at the start of the memory, in both copies and under valid checksums; a copy that is
+    /// damaged stays as it is.
+    fn reseal(&mut self, word: usize, bits: u64) {
+        let len = 8 * (self.memory.len() - 2 * GUARD);
+        // SAFETY: the words of the memory as bytes, between calls.
+        let bytes = unsafe { core::slice::from_raw_parts_mut(self.at::<u8>(), len) };
+        let second = (16..len.min(1 << 12)).step_by(8).find(|&at| bytes[at..at + 8] == bytes[..8]);
+        let seal_of = |body: &[u8]| u64::from(crc32c(body)) | u64::from(!crc32c(body)) << 32;
+        for copy in bytes.chunks_exact_mut(second.unwrap_or(len)).take(2) {
+            let (body, seal) = copy.split_at_mut(copy.len() - 8);
+            if *seal == seal_of(body).to_le_bytes() {
+                body[8 + 8 * word..][..8].iter_mut().zip(bits.to_le_bytes()).for_each(|(byte, flips)| *byte ^= flips);
+                seal.copy_from_slice(&seal_of(body).to_le_bytes());
+            }
+        }
+        self.whole = false;
+    }
+
+    /// Does the harm that `how` asks for, mostly none: a word of these of the sealed state says another place or length, or that a call did not
+    /// return; or a bit flips.
+    fn harm(&mut self, how: u8, words: &[usize], reader: &mut Reader<'_>) {
+        match how {
+            246..252 => self.reseal(words[how as usize % words.len()], 8 | 1 << 32),
+            252.. => self.flip(reader.word() as usize),
+            _ => {}
+        }
     }
 
     fn guarded(&self) {
@@ -129,9 +159,7 @@ fn terrain(reader: &mut Reader<'_>, tally: &mut Tally) {
             roughness_m: if how == 3 { room.at() } else { part(2) },
             hazard: codes.as_mut_ptr().wrapping_add(cols),
         };
-        if how >= 250 {
-            room.flip(reader.word() as usize);
-        }
+        room.harm(how, &[0, 9], reader);
         let finishes = how % 8 == 7;
         // SAFETY: as above.
         let status = unsafe {
@@ -149,7 +177,11 @@ fn terrain(reader: &mut Reader<'_>, tally: &mut Tally) {
     }
 }
 
-fn strip_settings(reader: &mut Reader<'_>, check: *const eld_check_t) -> eld_strip_settings_t {
+fn strip_settings(
+    reader: &mut Reader<'_>,
+    check: *const eld_check_t,
+    light: *const eld_lighting_t,
+) -> eld_strip_settings_t {
     let pixels = eld_pixels_t {
         data: null(),
         data_bytes: 0,
@@ -161,6 +193,11 @@ fn strip_settings(reader: &mut Reader<'_>, check: *const eld_check_t) -> eld_str
         null_code: 0,
         saturated_from: 250,
     };
+    let mut choice = || match reader.byte() {
+        240.. => 2,
+        byte => u32::from(byte) % 2,
+    };
+    let (network_alone, expected_errors) = (choice(), choice());
     eld_strip_settings_t {
         struct_bytes: size_of::<eld_strip_settings_t>() as u32,
         cols: 1 + u32::from(reader.byte()) % COLS as u32,
@@ -170,8 +207,8 @@ fn strip_settings(reader: &mut Reader<'_>, check: *const eld_check_t) -> eld_str
         coarse_px: 8.0,
         sun_azimuth_deg: if reader.byte().is_multiple_of(4) { f32::NAN } else { 300.0 },
         sun_elevation_deg: 30.0,
-        network_alone: u32::from(reader.byte()) % 2,
-        expected_errors: u32::from(reader.byte()) % 2,
+        network_alone,
+        expected_errors,
         post_cols: u32::from(reader.byte()) % 5,
         processor_checks: u32::from(reader.byte() == 0),
         post_row0: 1.0,
@@ -179,65 +216,111 @@ fn strip_settings(reader: &mut Reader<'_>, check: *const eld_check_t) -> eld_str
         post_col0: 1.0,
         post_cols_per_px: 0.125,
         pixels,
-        light: null(),
+        light,
         check,
     }
 }
 
+/// Makes a strip, after refusals of memory that is not aligned and that is too short.
+fn make_strip(
+    room: &mut Room,
+    bytes: usize,
+    (model, len): (*const c_void, usize),
+    settings: *const eld_strip_settings_t,
+    tally: &mut Tally,
+) -> *mut eld_strip_t {
+    let mut handle = null_mut();
+    let attempts = [
+        (4, bytes - 4, Some(ELD_REFUSED_MEMORY_ALIGNMENT)),
+        (0, bytes - 1, Some(ELD_REFUSED_MEMORY_SHORT)),
+        (0, bytes, None),
+    ];
+    for (shift, bytes, refusal) in attempts {
+        let place = room.at::<c_void>().wrapping_byte_add(shift);
+        // SAFETY: structures and memory of the test.
+        let made = unsafe { eld_strip_init(place, bytes, model, len, settings, &raw mut handle) };
+        count(tally, made, false);
+        assert!(refusal.map_or(worked(made), |refusal| made == refusal), "{:?}", text(made));
+    }
+    handle
+}
+
+/// Asks a strip what it counted: into a structure on the stack, behind the model, or at a place that is refused.
+fn strip_telemetry(handle: *mut eld_strip_t, room: &Room, how: u8, behind: *mut u8, own: *mut u8) -> eld_status_t {
+    let struct_bytes = size_of::<eld_strip_telemetry_t>() as u32;
+    let mut out = eld_strip_telemetry_t { struct_bytes, ..Default::default() };
+    let told = if how % 5 == 1 { behind.cast() } else { &raw mut out };
+    // SAFETY: a strip and structures of the test, or refused.
+    let status = unsafe {
+        told.write(out);
+        eld_strip_telemetry(handle, if how.is_multiple_of(5) { own.cast() } else { told })
+    };
+    // SAFETY: written above.
+    let out = unsafe { told.read() };
+    let lost = out.memory_faults + out.pieces_lost + out.tiles_again;
+    assert!(!room.whole || worked(status) != how.is_multiple_of(5) && lost == 0, "{out:?}");
+    status
+}
+
 fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
-    let model = sound_models()[reader.byte() as usize % sound_models().len()];
+    let sound = sound_models()[reader.byte() as usize % sound_models().len()];
+    let mut model = [sound, &[0; 256]].concat();
     let mut info = eld_model_info_t { struct_bytes: size_of::<eld_model_info_t>() as u32, ..Default::default() };
-    let (mut check, file) = (eld_check_t::default(), (model.as_ptr().cast(), model.len()));
+    let place = model.as_mut_ptr();
+    let behind = place.wrapping_add(sound.len().next_multiple_of(8));
+    let (mut check, file) = (eld_check_t::default(), (place.cast_const().cast(), sound.len()));
     // SAFETY: structures and memory of the test, here and below.
     let checked = unsafe { ffi::eld_model_check_step(file.0, file.1, u64::MAX, &raw mut check, &raw mut info) };
     assert_eq!(checked, ELD_OK);
     let known = if reader.byte().is_multiple_of(2) { &raw const check } else { null() };
-    let (settings, mut bytes, mut handle) = (strip_settings(reader, known), 0, null_mut());
+    let light = odd_light(reader);
+    let stated = if reader.byte() < 64 { &raw const light } else { null() };
+    let (settings, mut bytes) = (strip_settings(reader, known, stated), 0);
     // SAFETY: as above.
     let planned = unsafe { eld_strip_plan(file.0, file.1, &raw const settings, &raw mut bytes) };
     if count(tally, planned, false) != ELD_OK || bytes > LARGEST {
         return;
     }
     let mut room = Room::new(bytes as usize);
-    // SAFETY: as above.
-    let made =
-        unsafe { eld_strip_init(room.at(), bytes as usize, file.0, file.1, &raw const settings, &raw mut handle) };
-    assert!(worked(count(tally, made, false)));
+    let handle = make_strip(&mut room, bytes as usize, file, &settings, tally);
     let cols = settings.cols as usize;
     let pixel_bytes = [4, 1, 2, 2, 2][settings.pixels.format as usize % 5];
     let (mut floats, mut origins, mut line) = (vec![0f32; 3 * cols], vec![0u8; cols], 0);
     while !reader.0.is_empty() {
-        let how = reader.byte();
-        let pixels: Vec<u8> = (0..pixel_bytes * cols).map(|i| (i * 37 % 97) as u8 ^ reader.byte()).collect();
+        let (how, noise) = (reader.byte(), reader.byte());
+        let pixels: Vec<u8> =
+            (0..pixel_bytes * cols).map(|i| (i * 37 % 97) as u8 ^ noise.wrapping_mul(i as u8)).collect();
+        floats.iter_mut().enumerate().for_each(|(i, z)| *z = (i * 5 % 17) as f32 + f32::from(noise) * 0.1);
         let base = floats.as_mut_ptr();
         let part = |at: usize| base.wrapping_add(at * cols);
         let (a, b, c) = (part(0), part(1), part(2));
-        if how >= 252 {
-            room.flip(reader.word() as usize);
+        let own = if noise.is_multiple_of(2) { room.at() } else { place };
+        if noise < 64 {
+            room.harm(how, &[0, 1, 6, 6, 6, 6], reader);
+            if how >= 254 {
+                // SAFETY: a byte of the model, between calls; what flips in the memory is told, too.
+                unsafe { *place.add(reader.word() as usize % sound.len()) ^= how };
+            }
         }
         // SAFETY: as above.
         let status = unsafe {
             match how % 12 {
                 0..=3 => {
                     let coarse = if settings.post_cols > 0 { (null(), 0) } else { (a.cast_const(), cols) };
-                    let data = if how == 24 { room.at::<u8>() } else { pixels.as_ptr().cast_mut() };
+                    let data = if how == 24 { own } else { pixels.as_ptr().cast_mut() };
                     eld_strip_push(handle, data.cast(), pixels.len(), coarse.0, coarse.1)
                 }
-                4 => eld_strip_push_posts(handle, a, settings.post_cols as usize),
+                4 => {
+                    let posts = if how.is_multiple_of(5) { own.cast() } else { a };
+                    eld_strip_push_posts(handle, posts, settings.post_cols as usize)
+                }
                 5..=7 => eld_strip_step(handle, [1, 1 << 14, u64::MAX][how as usize % 3]),
                 8 => eld_strip_take(handle, a, b, c, origins.as_mut_ptr(), cols, &raw mut line),
                 9 => eld_strip_take(handle, a, null_mut(), null_mut(), null_mut(), cols, &raw mut line),
                 10 if how > 240 => eld_strip_finish(handle),
                 10 if how > 200 => eld_strip_finish_posts(handle),
                 10 => eld_strip_scrub(handle, reader.byte() as usize * 64),
-                _ => {
-                    let struct_bytes = size_of::<eld_strip_telemetry_t>() as u32;
-                    let mut out = eld_strip_telemetry_t { struct_bytes, ..Default::default() };
-                    let status = eld_strip_telemetry(handle, &raw mut out);
-                    let lost = out.memory_faults + out.pieces_lost + out.tiles_again;
-                    assert!(!room.whole || worked(status) && lost == 0, "{out:?}");
-                    status
-                }
+                _ => strip_telemetry(handle, &room, how, behind, own),
             }
         };
         count(tally, status, !room.whole);

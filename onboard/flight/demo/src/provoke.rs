@@ -95,6 +95,9 @@ pub(crate) fn run(seed: u32, memory: &mut [u8], console: &mut impl Write) -> boo
     for _ in 0..ROUNDS {
         let len = 20 + random.number() as usize % 400;
         add(&mut tally, c_abi(&random.bytes(len)));
+    }
+    // Strips are a quarter of these, and some of them refused.
+    for _ in 0..3 * ROUNDS {
         let len = 200 + random.number() as usize % 4000;
         add(&mut lines, c_lines(&random.bytes(len)));
     }

@@ -31,7 +31,7 @@ impl Play<'_> {
     pub(super) fn nothing_there(&mut self, slot: Slot) -> Option<Slot> {
         let (px, handle) =
             (slot.shape().0 * slot.shape().1, slot.handle.wrapping_byte_add(self.reader.byte() as usize % 8));
-        let mut short = vec![0f32; px];
+        let (mut short, mut made) = (vec![0f32; px], null_mut());
         let len = self.reader.size(2 * px);
         // SAFETY: errors are refused before memory is used; every correct length has its buffer.
         let statuses = unsafe {
@@ -45,6 +45,8 @@ impl Play<'_> {
                 ffi::eld_output(slot.handle, null_mut(), len, null_mut(), len),
                 ffi::eld_output(handle, short.as_mut_ptr(), if len == px { 0 } else { len }, null_mut(), 0),
                 ffi::eld_init(null_mut(), len, null(), len, null_mut()),
+                ffi::eld_init(null_mut(), len, slot.model.as_ptr().cast(), slot.model.len(), &raw mut made),
+                ffi::eld_init(short.as_mut_ptr().cast(), 4 * px, null(), len, &raw mut made),
                 ffi::eld_telemetry(slot.handle, null_mut()),
                 ffi::eld_errors(slot.handle, null_mut()),
                 ffi::eld_error_maps(null_mut(), short.as_mut_ptr(), null_mut(), null_mut(), px),
@@ -60,7 +62,7 @@ impl Play<'_> {
         };
         for (number, status) in statuses.into_iter().enumerate() {
             self.count(status);
-            assert!(number == 13 || !worked(status), "call {number}: {:?}", text(status));
+            assert!(number == 15 || !worked(status), "call {number}: {:?}", text(status));
         }
         self.alone(&slot);
         slot.guarded();
