@@ -182,7 +182,7 @@ impl Tables {
             single.push(Line { what: vec![name, kind, place(&model, operator)], count: 1, macs, seconds });
         }
         let mut grouped: Vec<Line> = by_kind.into_values().collect();
-        for (what, samples) in [("quantise the inputs", &begin), ("copy the output", &output)] {
+        for (what, samples) in [("quantise the inputs", &begin), ("compare the model, copy the output", &output)] {
             grouped.push(Line { what: vec![what.into()], count: 0, macs: 0, seconds: median(samples) });
         }
         let total_s: f64 = grouped.iter().map(|line| line.seconds).sum();

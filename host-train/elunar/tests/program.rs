@@ -383,7 +383,7 @@ fn the_sun_follows_from_the_time_of_the_image() {
 #[test]
 fn no_function_reserves_its_stack_in_a_loop() {
     if cfg!(not(target_arch = "x86_64")) {
-        println!("SKIPPED: reserved stack: instructions of x86-64");
+        elunar_testing::skipped("reserved stack", "instructions of x86-64");
         return;
     }
     // mov r11, rsp; sub r11, SIZE; then the loop: sub rsp, 4096; mov [rsp], 0; cmp rsp, r11.
