@@ -144,7 +144,7 @@ def main():
             if number > limit:
                 wrong.append(f"{package}: expected at most {limit} {what}, found {number} (tests/coverage.sh --missed {package})")
             if number < limit:
-                wrong.append(f"{package}: {limit} {what} are stated, found {number}: lower it by tests/coverage.sh --write {package}")
+                print(f"{package}: {limit} {what} are stated, found {number}: lower it by tests/coverage.sh --write {package}")
     if "--write" in options:
         with TABLE.open("w", newline="") as file:
             out = csv.DictWriter(file, COLUMNS, lineterminator="\n")

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
 # What the tests of a package reach of its own source, in lines and in branches, against the limits in coverage.csv.
 #
-#   tests/coverage.sh [PACKAGE..]             more missed lines or branches than coverage.csv states, or fewer, are errors
+#   tests/coverage.sh [PACKAGE..]             more missed lines or branches than coverage.csv states are errors; fewer are said
 #   tests/coverage.sh --write [PACKAGE..]     writes them, and the lines that are missed (missed.csv, for ../onboard/flight/boards/outcomes.sh)
 #   tests/coverage.sh --missed [PACKAGE..]    also prints every missed branch and line; else the counts of each file
 #
