@@ -231,9 +231,9 @@ fn floats_of_16_bits_and_strips_that_are_too_short() {
         let expected: Vec<f32> = all().iter().map(|v| v * 2_f32.powi(-24)).collect();
         assert_eq!(opened(&bytes).unwrap(), expected);
     }
+    // What their size needs is there, whatever the length says.
     let strips = Shape { rows: 4, ..PLAIN };
-    let text = refused(&strips.file(Lengths::First(100), |_, _| {}, &[]));
-    assert!(text.contains("broken file"), "{text}");
+    assert_eq!(opened(&strips.file(Lengths::First(100), |_, _| {}, &[])).unwrap(), all());
 }
 
 #[test]

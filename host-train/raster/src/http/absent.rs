@@ -51,7 +51,10 @@ mod tests {
         ];
         for refusal in refusals {
             let text = refusal.unwrap_err().to_string();
-            assert!(text.contains("found an address") && text.contains("curl -L -o a.tif http://127"), "{text}");
+            assert!(
+                text.contains("found an address") && text.contains("/vsicurl/http://127.0.0.1/b/a.tif a.tif"),
+                "{text}"
+            );
         }
     }
 }
