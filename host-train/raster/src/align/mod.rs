@@ -328,10 +328,11 @@ mod tests {
         };
         assert!(refused(&a, &b).ends_with(" i.tif i.tif.warped.tif"), "{}", refused(&a, &b));
         assert!(refused(&b, &a).ends_with(" c.tif c.tif.warped.tif"), "{}", refused(&b, &a));
-        b.georef = Some(GeoRef {
-            transform: [0.0, 2.0, 0.0, 0.0, 0.0, 0.0],
-            crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 10.0),
-        });
-        assert!(refused(&b, &a).contains("c.tif: transform [0.0, 2.0, 0.0, 0.0, 0.0, 0.0] has no inverse"));
+        // Pixels of no height, and of a width beyond all numbers.
+        for transform in [[0.0, 2.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1e308, 0.0, 0.0, 0.0, -1e5]] {
+            b.georef = Some(GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 10.0) });
+            let text = refused(&b, &a);
+            assert!(text.contains(&format!("c.tif: transform {transform:?} has no inverse")), "{text}");
+        }
     }
 }

@@ -292,6 +292,9 @@ fn constants_that_mean_nothing_was_measured() {
     );
     let bytes = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 8 CORE_HIGH_REPR_SATURATION = 255 MISSING = 0";
     assert_eq!(gaps(read(bytes, &[0, 1, 254, 255], 1)), [true, false, false, true]);
+    // Keywords that are no constants of that kind.
+    let others = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 8 CORE_BASE = 1 BAND_SATURATION = 254";
+    assert_eq!(gaps(read(others, &[0, 1, 254, 255], 1)), [false; 4]);
     let shorts: Vec<u8> = [-32768i16, -32764, -32763, 0].iter().flat_map(|v| v.to_le_bytes()).collect();
     assert_eq!(gaps(read("SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 16", &shorts, 2)), [true, true, false, false]);
     let text = refused(&[("a.img", &attached(1, 2, &format!("{real} MISSING_CONSTANT = \"x\""), "", 4))]);
