@@ -84,4 +84,37 @@ mod tests {
         std::fs::write(&image, [1, 2, 3, 5]).unwrap();
         assert_ne!(sha256_of_raster(&label).unwrap(), first);
     }
+
+    #[test]
+    fn of_many_files_the_hash_of_the_hashes_counts() {
+        use crate::geotiff::{WriteOptions, write};
+        let folder = tempfile::tempdir().unwrap();
+        let vrt = |count: usize| {
+            let mut pieces = String::new();
+            for number in 0..count {
+                let raster = crate::Raster { rows: 1, cols: 1, samples: vec![number as f32], georef: None };
+                write(&folder.path().join(format!("{number}.tif")), &raster, &WriteOptions::heights("t")).unwrap();
+                pieces += &format!(
+                    "<SimpleSource><SourceFilename relativeToVRT=\"1\">{number}.tif</SourceFilename>\
+                     <SrcRect xOff=\"0\" yOff=\"0\" xSize=\"1\" ySize=\"1\"/>\
+                     <DstRect xOff=\"{number}\" yOff=\"0\" xSize=\"1\" ySize=\"1\"/></SimpleSource>"
+                );
+            }
+            let path = folder.path().join("a.vrt");
+            let text = format!(
+                "<VRTDataset rasterXSize=\"{count}\" rasterYSize=\"1\"><VRTRasterBand dataType=\"Float32\">{pieces}\
+                 </VRTRasterBand></VRTDataset>"
+            );
+            std::fs::write(&path, text).unwrap();
+            path
+        };
+        let joined = |path: &Path| {
+            let files = files_of_raster(path).unwrap();
+            files.iter().map(|file| sha256(file).unwrap()).collect::<Vec<_>>().join("+")
+        };
+        let most = vrt(MOST_HASHES - 1);
+        assert_eq!(sha256_of_raster(&most).unwrap(), joined(&most));
+        let more = vrt(MOST_HASHES);
+        assert_eq!(identity_of_raster_while(&more, &|| true).unwrap(), sha256_hex(joined(&more)));
+    }
 }

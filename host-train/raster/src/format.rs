@@ -125,10 +125,14 @@ mod tests {
 
     #[test]
     fn contents_decide() {
-        let cases: [(&[u8], Format); 12] = [
+        let cases: [(&[u8], Format); 16] = [
             (b"II*\0rest", Format::Tiff),
             (b"MM\0+rest", Format::Tiff),
             (b"\x93NUMPY\x01\0", Format::Npy),
+            (b"\0\0\0\x0CjP  \r\n\x87\n\0\0", Format::Convertible("a JPEG 2000 image")),
+            (b"\xFF\x4F\xFF\x51\0\x2F", Format::Convertible("a JPEG 2000 image")),
+            (b"\xFF\xD8\xFF\xE0\0\x10JFIF", Format::Convertible("a PNG or JPEG picture")),
+            (b"NJPL1I00PDS100000000\r\nFILE_TYPE = IMAGE\r\n", Format::Pds3),
             (b"\r\n/* a comment */ PDS_VERSION_ID = PDS3\r\n", Format::Pds3),
             (b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nPDS_VERSION_ID = PDS3", Format::Pds3),
             (b"Object = IsisCube\n  Object = Core", Format::Isis),

@@ -119,7 +119,9 @@ mod tests {
 
     #[test]
     fn pixel_size_is_in_metres() {
-        assert_eq!(place([0.0, 2.0, 0.0, 0.0, 0.0, -3.0]).pixel_m(10, 10), Some((3.0, 2.0)));
+        let transform = [0.0, 2.0, 0.0, 0.0, 0.0, -3.0];
+        assert_eq!(place(transform).pixel_m(10, 10), Some((3.0, 2.0)));
+        assert_eq!(GeoRef { transform, crs: Crs::default() }.pixel_m(10, 10), Some((3.0, 2.0)), "metres");
     }
 
     #[test]
@@ -141,6 +143,9 @@ mod tests {
             assert_eq!(place(transform).contradiction(10, 10).is_some(), absurd);
             let honest = GeoRef { transform, crs: Crs::geographic(1_737_400.0) };
             assert!(honest.doubt(10, 10).is_none() && honest.contradiction(10, 10).is_none());
+        }
+        for corner in [(-370.0, 0.0), (370.0, 0.0), (0.0, -91.0), (0.0, 100.0)] {
+            assert!(place([corner.0, 0.25, 0.0, corner.1, 0.0, -0.25]).doubt(10, 10).is_none(), "{corner:?}");
         }
         assert!(place([0.0, 0.5, 0.0, 0.0, 0.0, -0.5]).doubt(10, 10).is_none());
         assert!(place([9000.0, 0.01, 0.0, 0.0, 0.0, -0.01]).contradiction(10, 10).is_none());

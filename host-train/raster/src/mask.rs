@@ -78,6 +78,8 @@ mod tests {
         write(&mask, &raster(2, vec![255.0, 0.0, 1.0, 255.0]), &bytes).unwrap();
         assert_eq!(valid().unwrap(), [true, false, true, false]);
         assert_eq!(files_of_raster(&path).unwrap(), [path.clone(), mask.clone()], "it is never written");
+        write(&mask, &raster(2, vec![255.0, f32::NAN, 1.0, 255.0]), &bytes).unwrap();
+        assert_eq!(valid().unwrap(), [true, false, true, false], "a void of the mask");
         write(&mask, &raster(1, vec![255.0, 0.0, 1.0, 255.0]), &bytes).unwrap();
         let text = valid().unwrap_err().to_string();
         assert!(text.contains("a.tif.msk: broken file: a mask of 2 x 2 pixels expected"), "{text}");

@@ -67,3 +67,55 @@ impl NamedMap {
         })
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Projection;
+
+    #[test]
+    fn maps_are_read_with_the_parameters_that_they_have() {
+        let cone = Some([20.0, 60.0]);
+        let far = f64::INFINITY;
+        // Name, centre latitude, latitude of the origin, longitude, scale, parallels; whether it is read.
+        for (name, lat_deg, origin_deg, lon_deg, scale, parallels_deg, is_read) in [
+            ("Equirectangular", 20.0, 5.0, 10.0, 1.0, None, true),
+            ("EQUIRECTANGULAR", 90.0, 0.0, 10.0, 1.0, None, false),
+            ("EQUIRECTANGULAR", 20.0, 0.0, 10.0, 0.9, None, false),
+            ("EQUIRECTANGULAR", 95.0, 0.0, 10.0, 1.0, None, false),
+            ("EQUIRECTANGULAR", 20.0, -95.0, 10.0, 1.0, None, false),
+            ("EQUIRECTANGULAR", 20.0, 0.0, far, 1.0, None, false),
+            ("EQUIRECTANGULAR", 20.0, 0.0, 10.0, far, None, false),
+            ("SIMPLE_CYLINDRICAL", 0.0, 0.0, 10.0, 1.0, None, true),
+            ("SIMPLE_CYLINDRICAL", 20.0, 0.0, 10.0, 1.0, None, false),
+            ("SIMPLE_CYLINDRICAL", 0.0, 0.0, 10.0, 0.9, None, false),
+            ("POLAR STEREOGRAPHIC", -90.0, 0.0, 10.0, 0.9, None, true),
+            ("PolarStereographic", 70.0, 0.0, 10.0, 1.0, None, true),
+            ("PolarStereographic", 70.0, 0.0, 10.0, 0.9, None, false),
+            ("PolarStereographic", 0.0, 0.0, 10.0, 1.0, None, false),
+            ("Orthographic", 70.0, 0.0, 10.0, 1.0, None, true),
+            ("Orthographic", 70.0, 0.0, 10.0, 0.9, None, false),
+            ("TransverseMercator", 70.0, 0.0, 10.0, 0.9, None, true),
+            ("TransverseMercator", 90.0, 0.0, 10.0, 0.9, None, false),
+            ("TransverseMercator", 70.0, 0.0, 10.0, 0.0, None, false),
+            ("Mercator", 0.0, 0.0, 10.0, 0.9, None, true),
+            ("Mercator", 10.0, 0.0, 10.0, 0.9, None, false),
+            ("Sinusoidal", 0.0, 0.0, 10.0, 1.0, None, true),
+            ("Sinusoidal", 10.0, 0.0, 10.0, 1.0, None, false),
+            ("Sinusoidal", 0.0, 0.0, 10.0, 0.9, None, false),
+            ("LambertConformal", 40.0, 0.0, 10.0, 1.0, cone, true),
+            ("Lambert Conformal Conic", 40.0, 0.0, 10.0, 0.9, cone, false),
+            ("LambertConformal", 40.0, 0.0, 10.0, 1.0, None, false),
+            ("Gnomonic", 40.0, 0.0, 10.0, 1.0, None, false),
+        ] {
+            let map = NamedMap { name: name.into(), lat_deg, origin_deg, lon_deg, scale, parallels_deg };
+            match map.crs(1_737_400.0) {
+                Ok(crs) => assert!(is_read && Projection::of(&crs).is_some(), "{map:?}"),
+                Err(what) => {
+                    let found = format!("projection {name}, centre latitude {lat_deg}, scale {scale}; ");
+                    assert!(!is_read && what.starts_with(&found), "{map:?}: {what}");
+                }
+            }
+        }
+    }
+}

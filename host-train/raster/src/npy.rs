@@ -207,6 +207,7 @@ mod tests {
             (file(1, &header("'<f4'", "False", "(2, 1)"), &[0; 4]), "2 x 1"),
             (file(1, &header("'<f4'", "False", "(18446744073709551615, 9)"), &[0; 4]), "x 9"),
             (file(1, "{}", &[0; 4]), "descr, fortran_order and shape"),
+            (file(1, &header("'|i2'", "False", "(1, 2)"), &[0; 4]), "byte order < or > expected, found \"|i2\""),
             (file(9, "{}", &[]), "format 1 to 3"),
             (file(2, "{}", &[])[..9].to_vec(), "end of the file"),
             ([MAGIC, &[2, 0, 0xFF, 0xFF, 0xFF, 0xFF]].concat(), "up to 65536"),

@@ -271,6 +271,14 @@ mod tests {
         let out = resample_bicubic(&[1.0, 2.0, 3.0, 4.0], 2, 2, &PixelMap { row0: -2.0, ..scale(1.0) }, 5, 2);
         assert!(out[..4].iter().all(|v| v.is_nan()) && out[8..].iter().all(|v| v.is_nan() || v.is_finite()));
         assert_eq!(out[4..8], [1.0, 2.0, 3.0, 4.0]);
+        assert!(resample_bicubic(&[], 0, 0, &scale(1.0), 1, 2).iter().all(|v| v.is_nan()));
+        assert!(resample_bicubic(&[1.0], 1, 1, &scale(1.0), 0, 2).is_empty());
+    }
+
+    #[test]
+    fn a_single_row_is_the_same_up_to_its_edges() {
+        let out = resample_bicubic(&[1.0, 2.0, 3.0], 1, 3, &scale(2.0), 2, 6);
+        assert_eq!(out, [0.75, 1.25, 1.75, 2.25, 2.75, 3.25].repeat(2));
     }
 
     #[test]
@@ -284,5 +292,6 @@ mod tests {
         assert!((row - ((521.0 - 300.0) / 59.0 - 0.5)).abs() < 1e-9);
         assert_eq!(map.window(10, 20).apply(0.0, 0.0), (row, col));
         assert!(PixelMap::between(&image, &[0.0; 6]).is_none());
+        assert!(PixelMap::between(&image, &[0.0, 1e200, 0.0, 0.0, 0.0, 1e200]).is_none());
     }
 }

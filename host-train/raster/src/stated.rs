@@ -116,3 +116,24 @@ impl Source for Stated {
         Ok(samples)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Raster;
+    use crate::source::{InMemory, read_all};
+
+    #[test]
+    fn a_stated_system_replaces_the_files_and_leaves_the_samples() {
+        let georef = Some(GeoRef { transform: [5.0, 1.0, 0.0, 6.0, 0.0, -1.0], crs: Crs::default() });
+        for georef in [georef, None] {
+            let raster = Raster { rows: 1, cols: 2, samples: vec![1.0, -3.0], georef: georef.clone() };
+            let source = Box::new(InMemory::new(raster.clone(), Some("km".into()), "test"));
+            let srs = Crs::geographic(1_737_400.0);
+            let stated = Statements { srs: Some(srs.clone()), unit: None }.of("a.tif", source).unwrap();
+            assert_eq!(stated.info().unit.as_deref(), Some("km"));
+            let expected = georef.map(|georef| GeoRef { crs: srs, ..georef });
+            assert_eq!(read_all(&*stated).unwrap(), Raster { georef: expected, ..raster });
+        }
+    }
+}

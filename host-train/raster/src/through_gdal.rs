@@ -208,6 +208,11 @@ mod tests {
             );
             assert!(text.contains("gdal_translate -of GTiff") && !text.contains("elunar-gdal-"), "{text}");
         }
+        // A character of a name that no line of a message has.
+        std::fs::write(at("b\u{7}.txt"), "no raster\n").unwrap();
+        let text = open(&at("b\u{7}.txt")).err().expect("refused").to_string();
+        let said = text.split_once("(tried: ").expect("GDAL's message").1;
+        assert!(said.contains("b .txt") && !said.contains('\u{7}'), "{text:?}");
         // Others may convert at the same time. Their folders go; one of this test would stay.
         let mut left = &folders() - &before;
         for _ in 0..600 {
@@ -226,6 +231,42 @@ mod tests {
         let path = folder.path().join("a.png");
         std::fs::write(&path, "x").unwrap();
         assert!(matches!(converted("no-such-gdal_translate", &path, None), Ok(Outcome::Absent)));
-        assert!(matches!(converted("false", &path, None), Ok(Outcome::Refused(said)) if said == "no reason"));
+        for program in ["false", "true"] {
+            let outcome = converted(program, &path, None);
+            assert!(matches!(outcome, Ok(Outcome::Refused(said)) if said == "no reason"), "{program}");
+        }
+        let folder = folder.path().display().to_string();
+        let text = converted(&folder, &path, None).err().expect("a folder is no program").to_string();
+        assert!(text.starts_with(&folder), "{text}");
+    }
+
+    const CHILD_FOLDER: &str = "ELUNAR_TEST_CTRL_C";
+
+    /// The test runner does not start this test directly. The test below starts it in a process of its own and sends that process Ctrl-C.
+    #[test]
+    #[cfg(unix)]
+    #[ignore = "run by ctrl_c_ends_a_conversion"]
+    fn child_converting_for_ever() {
+        use std::os::unix::fs::PermissionsExt;
+        let folder = PathBuf::from(std::env::var(CHILD_FOLDER).expect("the parent's folder"));
+        let program = folder.join("program");
+        std::fs::write(&program, "#!/bin/sh\nkill -INT $PPID\nexec sleep 600\n").unwrap();
+        std::fs::set_permissions(&program, PermissionsExt::from_mode(0o755)).unwrap();
+        let outcome = converted(&program.display().to_string(), &folder.join("a.png"), None);
+        let error = outcome.err().expect("stopped");
+        assert!(matches!(error, Error::Stopped(_)) && error.to_string().contains("a.png: interrupted"), "{error}");
+    }
+
+    #[test]
+    #[cfg(unix)]
+    fn ctrl_c_ends_a_conversion() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut command = Command::new(std::env::current_exe().unwrap());
+        command.args(["--exact", "through_gdal::tests::child_converting_for_ever", "--ignored", "--nocapture"]);
+        let out = command.env(CHILD_FOLDER, folder.path()).env("TMPDIR", folder.path()).output().unwrap();
+        let text = String::from_utf8_lossy(&out.stdout);
+        assert!(out.status.success() && text.contains("1 passed"), "{text}{}", String::from_utf8_lossy(&out.stderr));
+        let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().flatten().map(|entry| entry.file_name()).collect();
+        assert_eq!(left, ["program"], "nothing else remains");
     }
 }

@@ -194,6 +194,10 @@ fn lights_that_nothing_decides_are_refused() {
         let c = eld_tile_t { light: &raw const light, ..tile.c() };
         assert_eq!(context.begin_step(&c, 1), ELD_REFUSED_TILE_LIGHT, "change {number}");
     }
+    // From the south alone.
+    let south = eld_lighting_t { east: 0.0, south: 0.7, ..good };
+    let c = eld_tile_t { light: &raw const south, ..tile.c() };
+    assert_eq!(context.begin_step(&c, 1), ELD_RUNNING);
     let short = eld_lighting_t { struct_bytes: 8, ..good };
     let c = eld_tile_t { light: &raw const short, ..tile.c() };
     assert_eq!(context.begin_step(&c, 1), ELD_REFUSED_STRUCT_BYTES);

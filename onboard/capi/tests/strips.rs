@@ -89,6 +89,8 @@ struct CStrip {
     made: Made,
     lines: usize,
     rows: usize,
+    /// The status of `eld_strip_init`.
+    begun: eld_status_t,
 }
 
 impl CStrip {
@@ -109,7 +111,7 @@ impl CStrip {
             assert_eq!(init(bytes - 1, &mut handle), ELD_REFUSED_MEMORY_SHORT);
             let status = init(bytes, &mut handle);
             assert!(worked(status), "{:?}", text(status));
-            Ok(Self { memory, handle, made: Made::default(), lines: 0, rows: 0 })
+            Ok(Self { memory, handle, made: Made::default(), lines: 0, rows: 0, begun: status })
         }
     }
 
@@ -484,4 +486,11 @@ fn errors_of_a_line_are_taken_all_or_none() {
         let expected = if given == 0 || given == 7 { ELD_NOTICE_STRIP_NO_LINE } else { ELD_REFUSED_NULL };
         assert_eq!(status, expected, "{given:03b}");
     }
+}
+
+#[test]
+fn a_strip_whose_sun_nobody_knows_says_so() {
+    assert_eq!(CStrip::new(&settings()).unwrap().begun, ELD_OK);
+    let unknown = eld_strip_settings_t { sun_azimuth_deg: f32::NAN, sun_elevation_deg: f32::NAN, ..settings() };
+    assert_eq!(CStrip::new(&unknown).unwrap().begun, ELD_NOTICE_LIGHT_ASSUMED);
 }

@@ -126,7 +126,8 @@ impl Source for View<'_> {
     }
 }
 
-/// Describes the extent of a grid: map coordinates of its corners, or degrees of those of its pixels that have a longitude and latitude.
+/// Describes the extent of a grid: map coordinates of its corners, or degrees of those of its pixels that have a longitude and latitude. A grid
+/// without any has been refused ([`Info::place`]).
 fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
     let Some(projection) = Projection::of(&georef.crs).filter(|_| as_degrees) else { return georef.extent(rows, cols) };
     let far = [f64::INFINITY, f64::INFINITY, f64::NEG_INFINITY, f64::NEG_INFINITY];
@@ -134,9 +135,6 @@ fn bounds((georef, (rows, cols)): Grid, as_degrees: bool) -> String {
     let [x0, y0, x1, y1] = points
         .filter(|(lon_deg, _)| lon_deg.is_finite())
         .fold(far, |[x0, y0, x1, y1], (x, y)| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]);
-    if x0 > x1 {
-        return format!("no point of its reference system, at {}", georef.extent(rows, cols));
-    }
     format!("longitudes {x0:.3} to {x1:.3}, latitudes {y0:.3} to {y1:.3}")
 }
 
@@ -270,5 +268,71 @@ mod tests {
         assert!(refused(&far).contains("covers x 1000.0 to 1016.0, y -16.0 to 0.0"), "{}", refused(&far));
         let empty = Raster { samples: vec![f32::NAN; 64], ..a.clone() };
         assert!(refused(&empty).contains("no valid sample"));
+    }
+
+    #[test]
+    fn turned_and_sheared_sources_and_polar_maps_lie_where_they_are() {
+        let target = plane(9, 8, [10.0, 2.0, 0.0, 20.0, 0.0, -2.0]);
+        let placed = |source: &Raster, target: &Raster| {
+            onto(Named::new("coarse", source), Named::new("image", target), Interpolation::Bilinear).unwrap()
+        };
+        for transform in [[-60.0, 7.5, 2.5, 60.0, 2.0, -9.0], [-60.0, 7.5, 0.0, 60.0, 2.0, -9.0]] {
+            let found = placed(&plane(30, 30, transform), &target);
+            assert!(largest_difference(&found, &target) < 1e-4 && found.valid_count() == 72, "{transform:?}");
+        }
+        // The same size, other rows.
+        let below = plane(9, 8, [10.0, 2.0, 0.0, 14.0, 0.0, -2.0]);
+        assert_eq!(placed(&target, &below).samples[..48], target.samples[24..]);
+        let polar = |mut raster: Raster| {
+            raster.georef.as_mut().unwrap().crs = Crs::polar(Body::Moon.radius_m(), true);
+            raster
+        };
+        let (coarse, target) = (polar(plane(12, 14, [-60.0, 60.0, 0.0, 90.0, 0.0, -60.0])), polar(target));
+        assert!(largest_difference(&placed(&coarse, &target), &target) < 1e-4);
+    }
+
+    #[test]
+    fn a_globe_begins_wherever_its_file_does() {
+        use crate::source::InMemory;
+        use std::sync::Arc;
+        let globe = |west: f64, cols: usize, step: f64| {
+            let georef =
+                GeoRef { transform: [west, step, 0.0, 9.0, 0.0, -step], crs: Crs::geographic(Body::Moon.radius_m()) };
+            let rows = (18.0 / step) as usize;
+            let samples = (0..rows * cols).map(|i| (west + step * ((i % cols) as f64 + 0.5)) as f32).collect();
+            Raster { rows, cols, samples, georef: Some(georef) }
+        };
+        let source = Arc::new(InMemory::new(globe(0.0, 180, 2.0), None, "globe"));
+        // The first column of the target is not in the globe's file, but the one a turn later is.
+        let target = info(&globe(-10.0, 40, 1.0));
+        let onto = Onto::new(source.clone(), "globe", &target, "image", Interpolation::Bilinear).unwrap();
+        let found = onto.read(Window { row: 9, col: 0, rows: 1, cols: 8 }).unwrap();
+        let expected: Vec<f32> = (0..8).map(|col| 350.5 + col as f32).collect();
+        assert_eq!(found, expected);
+        assert!(onto.read(Window { row: 9, col: 3, rows: 0, cols: 8 }).unwrap().is_empty());
+        let mut far = globe(-10.0, 40, 1.0);
+        far.georef.as_mut().unwrap().transform[3] = 60.0;
+        let refused = Onto::new(source, "globe", &info(&far), "image", Interpolation::Bilinear);
+        let text = refused.err().unwrap().to_string();
+        assert!(text.contains("globe: valid samples overlapping image expected, none found"), "{text}");
+    }
+
+    #[test]
+    fn the_system_that_is_not_known_is_named() {
+        let a = plane(8, 8, [0.0, 2.0, 0.0, 0.0, 0.0, -2.0]);
+        let mut b = a.clone();
+        let at = a.georef.as_ref().unwrap().crs.directory.iter().position(|&key| key == 3075).unwrap();
+        b.georef.as_mut().unwrap().crs.directory[at + 3] = 12;
+        let refused = |c: &Raster, i: &Raster| {
+            onto(Named::new("c.tif", c), Named::new("i.tif", i), Interpolation::Bicubic).unwrap_err().to_string()
+        };
+        assert!(refused(&a, &b).ends_with(" i.tif i.tif.warped.tif"), "{}", refused(&a, &b));
+        assert!(refused(&b, &a).ends_with(" c.tif c.tif.warped.tif"), "{}", refused(&b, &a));
+        // Pixels of no height, and of a width beyond all numbers.
+        for transform in [[0.0, 2.0, 0.0, 0.0, 0.0, 0.0], [0.0, 1e308, 0.0, 0.0, 0.0, -1e5]] {
+            b.georef = Some(GeoRef { transform, crs: Crs::equirectangular(Body::Moon.radius_m(), 0.0, 10.0) });
+            let text = refused(&b, &a);
+            assert!(text.contains(&format!("c.tif: transform {transform:?} has no inverse")), "{text}");
+        }
     }
 }

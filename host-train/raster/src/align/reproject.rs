@@ -188,4 +188,35 @@ mod tests {
         assert!(refused("IAU_2015:30100", Some(0.0)).contains("dem: a positive pixel size expected, 0 found"));
         assert!(refused("IAU_2015:49910", None).contains("dem"), "another sphere");
     }
+
+    #[test]
+    fn what_is_off_the_sphere_is_left_out() {
+        let disc = |x: f64| {
+            let crs = Crs::parse("+proj=ortho +lat_0=20 +lon_0=10 +R=1737400").unwrap();
+            let georef = GeoRef { transform: [x, 4e4, 0.0, 2e6, 0.0, -4e4], crs };
+            Arc::new(InMemory::new(
+                Raster { rows: 100, cols: 100, samples: vec![7.0; 10_000], georef: Some(georef) },
+                None,
+                "memory",
+            ))
+        };
+        let crs = Crs::parse("IAU_2015:30100").unwrap();
+        let seen = |x: f64, spacing| {
+            Reprojected::new(disc(x), "dem", &crs, (Some(spacing), None), Interpolation::Bilinear)
+                .map_err(|error| error.to_string())
+        };
+        let found = read_all(&seen(-2e6, 2.0).unwrap()).unwrap();
+        assert!(
+            (150..=180).contains(&found.cols) && (70..=90).contains(&found.rows),
+            "{} x {}",
+            found.rows,
+            found.cols
+        );
+        assert!(found.samples.iter().all(|z| z.is_nan() || *z == 7.0) && found.valid_count() > 3000);
+        assert_eq!(
+            seen(1e7, 2.0).err().unwrap(),
+            "dem: a raster with a place in longitude/latitude, sphere 1737400 m expected, none found"
+        );
+        assert!(seen(-2e6, f64::INFINITY).err().unwrap().contains("a positive pixel size expected, inf found"));
+    }
 }

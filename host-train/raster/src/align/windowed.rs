@@ -357,6 +357,9 @@ mod tests {
                 assert_eq!(read(straight, window), read(turned, window), "{interpolation:?} {cyclic}");
                 assert!(read(straight, window).iter().any(|v| f32::from_bits(*v).is_finite()));
                 assert!(read(straight, beyond).iter().all(|v| f32::from_bits(*v).is_nan()));
+                // Pixels of a width that is no number lie nowhere.
+                let nowhere = PixelMap { col_per_col: f64::NAN, ..straight };
+                assert!(read(nowhere, window).iter().all(|v| f32::from_bits(*v).is_nan()));
             }
         }
     }

@@ -85,6 +85,9 @@ mod tests {
             esri(&heights, 1).with_keys_of_citation().same_as(&Crs::polar(Body::Moon.radius_m(), true)),
             "with a vertical system"
         );
+        // Brackets in a name are none of the text's.
+        let named = heights.replace("Moon_2000_South", "[Moon] ] South");
+        assert!(esri(&named, 1).with_keys_of_citation().same_as(&Crs::polar(Body::Moon.radius_m(), true)));
         let degrees = &SOUTH[SOUTH.find("GEOGCS").unwrap()..SOUTH.find(",PROJECTION").unwrap()];
         assert!(esri(degrees, 1).with_keys_of_citation().same_as(&Crs::geographic(1_737_400.0)));
         let keyed = Crs::equirectangular(Body::Moon.radius_m(), 3.0, 4.0);

@@ -298,6 +298,8 @@ mod tests {
         assert!(crs.same_as(&Crs::parse("+proj=ortho +lat_0=10 +R=1737400").unwrap()), "{}", crs.summary());
         let deep = format!("PROJCS[\"x\",{}1{}]", "A[".repeat(20_000), "]".repeat(20_000));
         assert!(Crs::parse(&deep).unwrap_err().to_string().contains("brackets deep"));
+        let long = format!("PROJCS[\"{}\"]", "x".repeat(LONGEST));
+        assert!(Crs::parse(&long).unwrap_err().to_string().contains("longer than 16384 bytes"));
     }
 
     #[test]
@@ -312,6 +314,7 @@ mod tests {
             ("+proj=eqc +R=x", "a number"),
             ("+proj=eqc +R=inf", "a number"),
             ("+proj=eqc +a=2 +b=3", "one sphere"),
+            ("+proj=eqc +a=0 +b=0", "one sphere"),
             ("+proj=eqc +R=1737400 +lat_ts=90", "lat_ts"),
             ("+proj=eqc +R=1737400 +R=1", "twice"),
             ("+proj=eqc +R=1737400 +units=ft", "units"),
@@ -330,7 +333,10 @@ mod tests {
             ("+proj=stere +lat_0=45 +lat_ts=40 +R=1737400", "+lat_ts"),
             ("+proj=stere +lat_0=95 +R=1737400", "parameters that make a map"),
             ("+proj=stere +lat_0=90 +lat_ts=-70 +R=1737400", "lat_ts"),
+            ("+proj=stere +lat_0=90 +lat_ts=95 +R=1737400", "lat_ts"),
+            ("+proj=stere +lat_0=90 +lat_ts=80 +k=0.9 +R=1737400", "lat_ts"),
             ("+proj=stere +lat_0=90 +k=1 +k_0=1 +R=1737400", "k_0"),
+            ("+proj=ortho +k_0=0.9 +R=1737400", "+k_0=1"),
         ] {
             let error = Crs::parse(text).unwrap_err().to_string();
             assert!(error.contains(hint), "{text}: {error}");

@@ -117,4 +117,21 @@ mod tests {
             "convert it: gdalwarp -t_srs '+proj=eqc +R=3396190' m.tif m.tif.warped.tif"
         );
     }
+
+    #[test]
+    fn systems_that_say_little_are_named() {
+        assert_eq!(Crs::default().summary(), "no reference system");
+        let state = "state it: --image-srs or --coarse-srs SRS, or gdal_translate -a_srs SRS a.tif a.tif.placed.tif";
+        assert_eq!(keys(&[(1024, 3)]).remedy("a.tif", None), state);
+        let unnamed = keys(&[(1024, 1), (3072, 32767)]);
+        assert_eq!(unnamed.summary(), "unnamed projection, lat 0 deg, lon 0 deg, body unknown");
+        // An ellipsoid in radians.
+        let mut mars = keys(&[(1024, 2), (2054, 9101)]);
+        mars.directory.extend([2057, 34736, 1, 0, 2058, 34736, 1, 1]);
+        mars.directory[3] += 2;
+        mars.doubles = vec![3_396_190.0, 3_376_200.0];
+        assert_eq!(mars.summary(), "longitude/latitude, ellipsoid 3396190 m / 3376200 m");
+        let text = "convert it: gdalwarp -t_srs '+proj=eqc +R=3396190' a.tif a.tif.warped.tif";
+        assert_eq!(mars.remedy("a.tif", None), text);
+    }
 }

@@ -67,3 +67,29 @@ fn contradictory_tags_are_found() {
     assert!(Crs { directory: vec![1], ..Crs::default() }.defect().is_some());
     assert!(Crs { directory: vec![7, 1, 0, 0], ..Crs::default() }.defect().is_some());
 }
+
+#[test]
+fn keys_of_systems_that_are_not_supported_are_compared() {
+    // Degrees or radians on a sphere with a meridian of its own; further keys of one number or more.
+    let of = |unit: u16, more: &[(u16, &[f64])]| {
+        let mut crs = Crs {
+            directory: vec![1, 1, 0, 4, 1024, 0, 1, 2, 2054, 0, 1, unit, 2057, 34736, 1, 0, 2061, 34736, 1, 1],
+            doubles: vec![1_737_400.0, 5.0],
+            ascii: String::new(),
+        };
+        for (key, values) in more {
+            crs.directory.extend([*key, 34736, values.len() as u16, crs.doubles.len() as u16]);
+            crs.directory[3] += 1;
+            crs.doubles.extend(*values);
+        }
+        assert!(crs.defect().is_none() && Projection::of(&crs).is_none());
+        crs
+    };
+    let (degrees, radians) = (of(9102, &[]), of(9101, &[]));
+    assert!(degrees.same_as(&of(9122, &[])) && radians.same_as(&of(9101, &[])) && !degrees.same_as(&radians));
+    let of = |more: &[(u16, &[f64])]| of(9101, more);
+    assert!(of(&[(4000, &[1.0])]).same_as(&of(&[(4000, &[1.0])])));
+    assert!(!of(&[(4000, &[1.0])]).same_as(&of(&[(4001, &[1.0])])), "another key");
+    assert!(!of(&[(4000, &[1.0])]).same_as(&of(&[(4000, &[1.0, 1.0])])), "another count");
+    assert!(!of(&[(4000, &[1.0])]).same_as(&of(&[(4000, &[1.5])])), "another number");
+}

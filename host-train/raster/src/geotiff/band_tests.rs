@@ -5,6 +5,7 @@ use super::*;
 use crate::Raster;
 use elunar_testing::oracle::rasterio_with;
 use std::path::Path;
+use tiff::encoder::{TiffEncoder, colortype::RGB8};
 
 /// Writes three bands of a raster: itself, its double, and its negative, in turns of some rows.
 fn three(path: &Path, raster: &Raster, rows_at_once: usize) {
@@ -35,6 +36,12 @@ fn every_band_comes_back_bit_for_bit() {
     let error = open_band(&path, 3).err().unwrap().to_string();
     assert!(error.contains("3 bands found, band 4 expected"), "{error}");
     let error = read(&path).unwrap_err().to_string();
+    assert!(error.contains("3 bands found, one expected"), "{error}");
+    // Bands pixel by pixel are not read one by one.
+    let mixed = folder.path().join("c.tif");
+    let mut tiff = TiffEncoder::new(std::fs::File::create(&mixed).unwrap()).unwrap();
+    tiff.write_image::<RGB8>(2, 1, &[1, 2, 3, 4, 5, 6]).unwrap();
+    let error = open_band(&mixed, 0).err().unwrap().to_string();
     assert!(error.contains("3 bands found, one expected"), "{error}");
     // A file of one band has a first band.
     let single = folder.path().join("b.tif");

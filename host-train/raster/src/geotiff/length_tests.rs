@@ -219,3 +219,41 @@ fn reported_files_are_read() {
     assert_eq!(samples("zero.tif"), samples("reference.tif"));
     assert_eq!(samples("missing.tif"), samples("reference.tif"));
 }
+
+#[test]
+fn floats_of_16_bits_and_strips_that_are_too_short() {
+    // Without compression, too, they are read strip by strip. The bits 0 to 191 are multiples of the smallest float.
+    for rows in [4, ROWS] {
+        let mut bytes = Shape { rows, ..PLAIN }.file(Lengths::Right, |_, _| {}, &[]);
+        let format = [83, 1, 4, 0, 1, 0, 0, 0, 2];
+        let at = bytes.windows(9).position(|window| window == format).unwrap();
+        bytes[at + 8] = 3;
+        let expected: Vec<f32> = all().iter().map(|v| v * 2_f32.powi(-24)).collect();
+        assert_eq!(opened(&bytes).unwrap(), expected);
+    }
+    // What their size needs is there, whatever the length says.
+    let strips = Shape { rows: 4, ..PLAIN };
+    assert_eq!(opened(&strips.file(Lengths::First(100), |_, _| {}, &[])).unwrap(), all());
+}
+
+#[test]
+fn directories_beyond_the_file_and_lengths_beyond_4_gib_are_refused() {
+    let mut bytes = Shape { big: true, ..PLAIN }.file(Lengths::Zero, |_, _| {}, &[]);
+    bytes[8..16].fill(0xFF);
+    assert!(refused(&bytes).contains("broken file"), "{}", refused(&bytes));
+    // The single part of a file reaches to its end, which a classic file cannot say here.
+    let folder = scratch();
+    let path = folder.path().join("a.tif");
+    let packed = Shape { packing: 8, ..PLAIN };
+    for (shape, is_read) in [(packed, false), (Shape { big: true, ..packed }, true)] {
+        std::fs::write(&path, shape.file(Lengths::Zero, |_, _| {}, &[])).unwrap();
+        std::fs::File::options().write(true).open(&path).unwrap().set_len(5 << 30).unwrap();
+        match read(&path) {
+            Ok(raster) => assert!(is_read && raster.samples == all()),
+            Err(error) => {
+                let text = error.to_string();
+                assert!(!is_read && text.contains("part 1 of 1 has offset 8, length 0"), "{text}");
+            }
+        }
+    }
+}

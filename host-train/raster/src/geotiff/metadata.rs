@@ -126,5 +126,11 @@ mod tests {
         let items = parse(xml);
         assert_eq!(items.len(), 1);
         assert_eq!((items[0].name.as_str(), items[0].text.as_str()), ("A", "x &bogus; y"));
+        // An entity without an end, characters by their numbers, and one that no XML can hold.
+        let text = |xml: &str| parse(xml)[0].text.clone();
+        assert_eq!(text("<Item name=\"A\">x &amp y</Item>"), "x &amp y");
+        assert_eq!(text("<Item name=\"A\">&#x41;&#66;&lt;&gt;&quot;&apos;</Item>"), "AB<>\"'");
+        let bell = Item { name: "A".into(), role: String::new(), band: 0, text: "x\u{7}y".into() };
+        assert_eq!(text(&format(&[bell])), "x?y");
     }
 }

@@ -4,6 +4,8 @@ use super::tests::{heights, scratch};
 use super::*;
 use elunar_testing::rasterio as gdal;
 use std::path::Path;
+use tiff::encoder::{TiffEncoder, colortype::Gray8};
+use tiff::tags::Tag;
 
 /// Defines `put(name, samples, kind, text, ...)`, which writes a file of one row with a nodata text as it stands.
 const PUT: &str = "
@@ -158,5 +160,18 @@ fn a_text_without_a_number_is_refused() {
     if gdal(&script, folder.path()).is_some() {
         let error = read(folder.path().join("a.tif")).unwrap_err().to_string();
         assert!(error.ends_with("nodata tag 42113 is \"none\", a number expected"), "{error}");
+    }
+}
+
+#[test]
+fn a_blank_text_names_no_value() {
+    let folder = scratch();
+    let path = folder.path().join("a.tif");
+    for (text, void) in [("", vec![]), ("  ", vec![]), (" 7", vec![1])] {
+        let mut tiff = TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap();
+        let mut image = tiff.new_image::<Gray8>(3, 1).unwrap();
+        image.encoder().write_tag(Tag::GdalNodata, text).unwrap();
+        image.write_data(&[0, 7, 255]).unwrap();
+        assert_eq!(voids(&path), void, "{text:?}");
     }
 }

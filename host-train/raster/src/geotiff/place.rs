@@ -92,6 +92,32 @@ mod tests {
         image.write_data(&[7; 80 * 60]).unwrap();
     }
 
+    #[test]
+    fn scales_and_matrices_that_are_too_short_are_refused() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("t.tif");
+        let tie = [0.0, 0.0, 0.0, 1000.0, 500.0, 0.0];
+        for (tags, what) in [
+            (
+                &[(Tag::ModelPixelScaleTag, &[2.0][..]), (Tag::ModelTiepointTag, &tie)][..],
+                "3 pixel scales expected, 1 found",
+            ),
+            (
+                &[(Tag::ModelTransformationTag, &[2.0, 0.0, 0.0, 7.0, 0.0, 2.0])],
+                "transformation tag 34264 of 6 numbers, 16 expected",
+            ),
+        ] {
+            let mut tiff = TiffEncoder::new(std::fs::File::create(&path).unwrap()).unwrap();
+            let mut image = tiff.new_image::<Gray8>(2, 1).unwrap();
+            for (tag, numbers) in tags {
+                image.encoder().write_tag(*tag, *numbers).unwrap();
+            }
+            image.write_data(&[7; 2]).unwrap();
+            let text = open(&path).err().expect("refused").to_string();
+            assert!(text.contains(what) && text.contains("t.tif"), "{text}");
+        }
+    }
+
     /// Returns tie points at these pixels, on a map with its corner at (1000, 500), the last one off by this much.
     fn ties(pixels: &[(f64, f64)], off: (f64, f64)) -> Vec<f64> {
         let mut ties: Vec<f64> =

@@ -67,13 +67,22 @@ fn images_come_back_rounded() {
 fn every_kind_of_transform_survives() {
     let folder = scratch();
     let mut raster = heights(20, 30);
-    for transform in [[5.0, 1.5, 0.25, -7.0, 0.5, -2.0], [5.0, 2.0, 0.0, 9.0, 0.0, 2.0]] {
+    for transform in [
+        [5.0, 1.5, 0.25, -7.0, 0.5, -2.0],
+        [5.0, 1.5, 0.0, -7.0, 0.5, -2.0],
+        [5.0, -1.5, 0.0, -7.0, 0.0, -2.0],
+        [5.0, 2.0, 0.0, 9.0, 0.0, 2.0],
+    ] {
         raster.georef = Some(GeoRef { transform, crs: Crs::polar(Body::Moon.radius_m(), true) });
         let back = read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap();
         assert_eq!(back.georef, raster.georef);
     }
-    raster.georef = Some(GeoRef { transform: [0.0, 1.0, 0.0, 0.0, 0.0, -1.0], crs: Crs::default() });
-    assert_eq!(read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap().georef, raster.georef);
+    // Without a system, and with one of a single key.
+    let keys = Crs { directory: vec![1, 1, 0, 1, 1024, 0, 1, 1], ..Crs::default() };
+    for crs in [Crs::default(), keys] {
+        raster.georef = Some(GeoRef { transform: [0.0, 1.0, 0.0, 0.0, 0.0, -1.0], crs });
+        assert_eq!(read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap().georef, raster.georef);
+    }
     raster.georef = None;
     assert_eq!(read(written(folder.path(), &raster, &WriteOptions::heights("t"))).unwrap().georef, None);
 }
@@ -207,4 +216,29 @@ fn the_sun_of_an_image_is_read_as_it_was_written() {
     assert_eq!(sun(&plain.clone().with_sun(None, Some(31.0))), (None, Some(31.0)));
     let (azimuth_deg, _) = sun(&plain.with_item("SUN_AZIMUTH_DEG", "north"));
     assert!(azimuth_deg.unwrap().is_nan(), "something else than a number");
+}
+
+#[test]
+fn items_are_read_by_their_name() {
+    let folder = scratch();
+    let bare = WriteOptions { unit: None, description: None, ..WriteOptions::heights("t") };
+    let path = written(folder.path(), &heights(4, 4), &bare.clone().with_item("A", "first").with_item("MODEL", "nano"));
+    assert_eq!(read_item(&path, "MODEL").unwrap().as_deref(), Some("nano"));
+    assert_eq!(read_item(&path, "model").unwrap(), None);
+    let described = written(folder.path(), &heights(4, 4), &WriteOptions::heights("t"));
+    assert_eq!(read_item(&described, "DESCRIPTION").unwrap(), None, "that is of the band");
+    assert_eq!(read_item(&written(folder.path(), &heights(4, 4), &bare), "MODEL").unwrap(), None);
+}
+
+#[test]
+fn sizes_that_no_file_has_are_refused() {
+    let folder = scratch();
+    let path = folder.path().join("a.tif");
+    let options = WriteOptions::heights("t");
+    for (rows, cols) in [(0, 4), (4, 0), (1 << 31, 4), (4, 1 << 31)] {
+        let text = Writer::create(&path, rows, cols, None, &options).unwrap_err().to_string();
+        assert!(text.contains(&format!("sides of 1 to 2147483647 pixels expected, {rows} x {cols} found")), "{text}");
+    }
+    let text = write(&path, &Raster { rows: 5, ..heights(4, 4) }, &options).unwrap_err().to_string();
+    assert!(text.contains("a.tif: 5 x 4 pixels expected, 16 samples found") && !path.exists(), "{text}");
 }

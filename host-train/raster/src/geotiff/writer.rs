@@ -352,3 +352,20 @@ fn items(options: &WriteOptions) -> Vec<Item> {
     }
     items
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_beyond_4_gib_is_a_big_tiff() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut writer = Writer::create(&folder.path().join("a.tif"), 1, 1, None, &WriteOptions::heights("t")).unwrap();
+        writer.write_rows(&[1.0]).unwrap();
+        let head_bytes = writer.head().len() as u64;
+        for (spilled_bytes, magic) in [(0, 42), ((1 << 32) - 1 - head_bytes, 42), ((1 << 32) - head_bytes, 43)] {
+            writer.spilled_bytes = spilled_bytes;
+            assert_eq!(writer.head()[2], magic, "{spilled_bytes}");
+        }
+    }
+}

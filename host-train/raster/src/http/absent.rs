@@ -34,3 +34,27 @@ pub(crate) fn open(path: &Path) -> Result<Arc<Remote>> {
     read::refuse_address(path)?;
     Err(Error::unsupported(path, "an address expected"))
 }
+
+#[cfg(test)]
+mod tests {
+    use crate::content::identity_of_raster_while;
+    use crate::{format::Format, source};
+    use std::path::Path;
+
+    #[test]
+    fn an_address_is_refused_with_the_line_that_fetches_it() {
+        let path = Path::new("http://127.0.0.1/b/a.tif");
+        let refusals = [
+            source::open(path).map(drop),
+            Format::of(path).map(drop),
+            identity_of_raster_while(path, &|| true).map(drop),
+        ];
+        for refusal in refusals {
+            let text = refusal.unwrap_err().to_string();
+            assert!(
+                text.contains("found an address") && text.contains("/vsicurl/http://127.0.0.1/b/a.tif a.tif"),
+                "{text}"
+            );
+        }
+    }
+}

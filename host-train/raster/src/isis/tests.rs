@@ -82,7 +82,7 @@ fn rows_and_tiles_hold_the_same_samples() {
     let whole = read_all(&*plain).unwrap();
     assert_eq!(whole.samples, (0..35).map(|i| f32::from(number(i / 7, i % 7))).collect::<Vec<_>>());
     assert_eq!(read_all(&*tiled).unwrap(), whole);
-    for window in [(0, 0, 1, 1), (1, 2, 3, 4), (4, 6, 1, 1), (3, 0, 2, 7), (2, 5, 0, 2)] {
+    for window in [(0, 0, 1, 1), (1, 2, 3, 4), (4, 6, 1, 1), (3, 0, 2, 7), (2, 5, 0, 2), (2, 5, 2, 0)] {
         let (row, col, rows, cols) = window;
         let window = Window { row, col, rows, cols };
         assert_eq!(plain.read(window).unwrap(), tiled.read(window).unwrap(), "{window:?}");
@@ -170,6 +170,18 @@ fn broken_labels_are_refused_with_the_keyword() {
         ("ByteOrder = Lsb", "ByteOrder = Vax", "Lsb or Msb as ByteOrder expected, found vax"),
         ("Multiplier = 1.0", "Multiplier = 0", "a Multiplier other than 0"),
         ("Base = 0.0", "Base = Odd", "a number as BASE expected"),
+        ("Format = Tile", "Format = GeoTIFF", "^Core with the name of the TIFF expected, found none"),
+        ("PixelResolution", "Rotation = 90\n    PixelResolution", "Rotation 90; 0 expected"),
+        (
+            "= 1737400.0 <meters>\n    PolarRadius = 1737400.0",
+            "= -1.0 <meters>\n    PolarRadius = -1.0",
+            "an EquatorialRadius above 0 expected, found -1 m",
+        ),
+        (
+            "= 1737400.0 <meters>\n    PolarRadius = 1737400.0",
+            "= 1e12 <meters>\n    PolarRadius = 1e12",
+            "semi-axes of a body expected",
+        ),
         ("Object = Core", "Object = Cure", "Object = Core expected, found none"),
         ("Group = Pixels", "Group = Pixel", "Group = Pixels expected"),
         ("PolarStereographic", "ObliqueCylindrical", "projection ObliqueCylindrical, centre latitude -90"),

@@ -67,7 +67,7 @@ pub(crate) fn open_with(path: &Path, nodata: Option<f64>) -> Result<Box<dyn Sour
         None => path.to_path_buf(),
     };
     let file = read::file(&data)?;
-    if is_tiff(&data)? && description.file.is_some() {
+    if description.file.is_some() && is_tiff(&data)? {
         let (rows, cols) = (description.layout.rows, description.layout.cols);
         let Description { missing, conversion, unit_in_file, georef, .. } = description;
         let sun = sun::stated(&label, georef.is_some());

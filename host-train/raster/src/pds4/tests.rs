@@ -87,6 +87,11 @@ fn broken_labels_are_refused_with_the_element() {
         ("<elements>7", "<elements>many", "a number as elements expected, found \"many\""),
         ("<elements>7", "<elements>9223372036854775807", "more than 2^64 bytes in all, expected, found 72"),
         ("<elements>7", "<elements>8", "5 lines of 8 i16 samples from byte 2 on, 82 bytes in all, expected, found 72"),
+        (
+            "<elements>7",
+            "<elements>18446744073709551615",
+            "rows of less than 2^64 bytes expected, found 18446744073709551615",
+        ),
         ("<elements>5", "<elements>9999999999999999", "found 72 bytes"),
         ("<sequence_number>2", "<sequence_number>1", "axes of sequence_number 1, 2, ... expected"),
         ("<axis_name>Sample", "<axis_name>Band", "7 bands found, one expected; take one out: gdal_translate -b 1"),
@@ -114,6 +119,7 @@ fn broken_labels_are_refused_with_the_element() {
         ("\"km/pixel\"", "\"deg/pixel\"", "pixel_resolution_y in metres or kilometres expected, found deg"),
         (">2000</cart", ">-2000</cart", "north_bounding_coordinate 0.066 and upperleft_corner_y to agree expected"),
         ("Positive East", "Positive West", "longitude_direction Positive West; Positive East expected"),
+        ("Product_Observational", "Product_Observational_Odd", "Product_Observational as outermost element expected"),
         ("</Element_Array>", "", "XML expected, found: "),
         (
             "<?xml version=\"1.0\" encoding=\"UTF-8\"?>",
@@ -130,6 +136,57 @@ fn broken_labels_are_refused_with_the_element() {
     assert!(wrong.is_empty(), "{wrong:#?}");
     let deep = LABEL.replace("<Observation_Area>", &format!("<Observation_Area>{}", "<a>".repeat(100_000)));
     assert!(opened(&deep).err().unwrap().to_string().contains("XML expected"));
+}
+
+#[test]
+fn radii_names_and_bits_have_their_range() {
+    let radius = |metres: &str| {
+        let label = LABEL.replace("unit=\"km\">1737.4<", &format!("unit=\"m\">{metres}<"));
+        opened(&label.replace(">1737400<", &format!(">{metres}<"))).err().unwrap().to_string()
+    };
+    assert!(radius("0").contains("line 18: a radius above 0 expected, found 0 m"), "{}", radius("0"));
+    assert!(radius("1e12").contains("line 7: semi-axes of a body expected"), "{}", radius("1e12"));
+    // Misspelt in an edition of the dictionary; the map has no latitude to compare with.
+    let (_folder, source) = opened(&LABEL.replace(">Equirectangular<", ">Orothographic<")).unwrap();
+    let crs = source.info().georef.clone().unwrap().crs;
+    assert!(crs.same_as(&crate::Crs::parse("+proj=ortho +lon_0=180 +R=1737400").unwrap()), "{}", crs.summary());
+    // Without a bound and without special constants.
+    let north = "<cart:north_bounding_coordinate unit=\"deg\">0.066</cart:north_bounding_coordinate>\n";
+    let from = LABEL.find("<Special_Constants>").unwrap();
+    let to = LABEL.find("</Array_2D_Image>").unwrap();
+    let bare = format!("{}{}", &LABEL[..from], &LABEL[to..]).replace(north, "").replace(">2000<", ">-2000<");
+    assert!(!bare.contains("north"));
+    let (_folder, source) = opened(&bare).unwrap();
+    assert_eq!(read_all(&*source).unwrap().valid_count(), 35);
+    // The radii's names in older dictionaries.
+    let old = LABEL.replace("a_axis", "semi_major").replace("c_axis", "polar");
+    assert!(opened(&old).unwrap().1.info().place("a").is_ok());
+    // Constants as bits, in every type.
+    for (kind, samples, bits, void) in [
+        ("IEEE754MSBSingle", 35.0_f32.to_be_bytes().to_vec(), "0x420C0000", true),
+        ("IEEE754LSBDouble", 35.0_f64.to_le_bytes().to_vec(), "16#4041800000000000#", true),
+        ("SignedByte", vec![0xFE], "0XFE", true),
+        ("SignedByte", vec![0xFE], "0x1FE", false),
+        ("SignedLSB4", (-2_i32).to_le_bytes().to_vec(), "0xFFFFFFFE", true),
+        ("UnsignedLSB4", 7_u32.to_le_bytes().to_vec(), "0x7", true),
+    ] {
+        let folder = tempfile::tempdir().unwrap();
+        let label = LABEL
+            .replace("SignedMSB2", kind)
+            .replace("<elements>5", "<elements>1")
+            .replace("<elements>7", "<elements>1");
+        let path = written(
+            folder.path(),
+            &label.replace("0x0007", bits).replace("<missing_constant>5", "<missing_constant>6"),
+        );
+        std::fs::write(folder.path().join("a.dat"), [vec![0, 0], samples].concat()).unwrap();
+        match open(&path).and_then(|source| read_all(&*source)) {
+            Ok(raster) => assert!(void && raster.samples[0].is_nan(), "{kind}: {:?}", raster.samples),
+            Err(error) => {
+                assert!(!void && error.to_string().contains("a number as invalid_constant"), "{kind}: {error}")
+            }
+        }
+    }
 }
 
 #[test]

@@ -69,14 +69,14 @@ fn products_are_read_here_and_by_gdal() {
 #[test]
 fn a_label_says_whose_samples_it_has() {
     let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("A b.xml");
+    let path = folder.path().join("A b-c.xml");
     written(&path, raster(MAPS[0].0, 5.0, 30), &PRODUCT).unwrap();
     let text = std::fs::read_to_string(&path).unwrap();
     for words in [
-        "<logical_identifier>urn:nasa:pds:elunardtm:data:a_b</logical_identifier>",
+        "<logical_identifier>urn:nasa:pds:elunardtm:data:a_b-c</logical_identifier>",
         "<title>A &amp; B &lt;c&gt; </title>",
         "<lid_reference>urn:nasa:pds:context:target:satellite.moon</lid_reference>",
-        "<file_name>A b.img</file_name>",
+        "<file_name>A b-c.img</file_name>",
         "<file_size unit=\"byte\">4800</file_size>",
     ] {
         assert!(text.contains(words), "{words}: {text}");
@@ -107,6 +107,8 @@ fn what_no_label_says_is_refused() {
         (raster("+proj=lcc +lat_1=40 +lat_0=40 +k_0=0.9 +R=1737400", 5.0, 30), "found Lambert"),
         (raster("+proj=eqc +R=2439400", 5.0, 30), "a map of the Moon or of Mars expected"),
         (turned([0.0, 5.0, 0.1, 0.0, 0.1, -5.0]), "north up expected"),
+        (turned([0.0, 5.0, 0.0, 0.0, 0.1, -5.0]), "north up expected"),
+        (turned([0.0, -5.0, 0.0, 0.0, 0.0, -5.0]), "north up expected"),
         (turned([0.0, 5.0, 0.0, 0.0, 0.0, 5.0]), "north up expected"),
         (nowhere, "a raster with a geotransform expected"),
     ] {
@@ -114,4 +116,21 @@ fn what_no_label_says_is_refused() {
         assert!(error.contains("a.xml") && error.contains(what) && !error.contains('\n'), "{what}: {error}");
         assert!(std::fs::read_dir(folder.path()).unwrap().next().is_none(), "{what}: a file remains");
     }
+}
+
+#[test]
+fn bounds_across_the_meridian_of_180_degrees_count_from_0() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.xml");
+    // Above the north pole, where the map's middle is at 180 degrees.
+    let mut raster = raster("+proj=stere +lat_0=90 +R=1737400", 5.0, 30);
+    raster.georef.as_mut().unwrap().transform = [-100.0, 5.0, 0.0, 1000.0, 0.0, -5.0];
+    written(&path, raster, &PRODUCT).unwrap();
+    let text = std::fs::read_to_string(&path).unwrap();
+    let bound = |side: &str| -> f64 {
+        let at = text.split(&format!("{side}_bounding_coordinate unit=\"deg\">")).nth(1).unwrap();
+        at.split('<').next().unwrap().parse().unwrap()
+    };
+    let half = (100.0_f64 / 850.0).atan().to_degrees();
+    assert!((bound("west") - (180.0 - half)).abs() < 1e-9 && (bound("east") - (180.0 + half)).abs() < 1e-9, "{text}");
 }

@@ -319,3 +319,85 @@ for row in zip(lon, lat, x, y, px, py, lon2, lat2, bx, by):
     println!("{shown} points and positions compared, {hidden} beyond an edge, worst {worst_m} m");
     assert!(worst_m < 1e-5 && shown > 4_000 && hidden > 600, "{shown} {hidden} {worst_m}");
 }
+
+/// Returns the map of a method of GeoTIFF on the Moon, with these keys.
+fn map(method: u16, keys: &[(u16, f64)]) -> Option<Projection> {
+    let mut crs = Crs {
+        directory: vec![1, 1, 0, 4, 1024, 0, 1, 1, 3072, 0, 1, 32767, 3075, 0, 1, method, 2057, 34736, 1, 0],
+        doubles: vec![1_737_400.0],
+        ascii: String::new(),
+    };
+    for &(key, value) in keys {
+        crs.directory.extend([key, 34736, 1, crs.doubles.len() as u16]);
+        crs.directory[3] += 1;
+        crs.doubles.push(value);
+    }
+    Projection::of(&crs)
+}
+
+#[test]
+fn keys_that_make_no_map_are_refused() {
+    use crate::crs::code::*;
+    use crate::crs::key::*;
+    let far = f64::INFINITY;
+    for (method, keys) in [
+        (SINUSOIDAL, &[(CENTRE_LAT, 0.0)][..]),
+        (MERCATOR, &[(NAT_ORIGIN_LAT, 0.0)]),
+        (MERCATOR, &[(STD_PARALLEL_1, 30.0)]),
+        (LAMBERT_1SP, &[(NAT_ORIGIN_LAT, 30.0), (STD_PARALLEL_1, 30.0)]),
+        (LAMBERT_2SP, &[(STD_PARALLEL_1, 20.0), (STD_PARALLEL_2, 60.0)]),
+        (ORTHOGRAPHIC, &[(CENTRE_LON, 7.0)]),
+        (TRANSVERSE_MERCATOR, &[(SCALE, 0.9)]),
+        (POLAR_STEREOGRAPHIC, &[(NAT_ORIGIN_LAT, 90.0), (SCALE, 0.9)]),
+        (EQUIRECTANGULAR, &[(FALSE_EASTING, 5.0), (FALSE_NORTHING, 6.0)]),
+    ] {
+        assert!(map(method, keys).is_some(), "{method} {keys:?}");
+    }
+    for (method, keys) in [
+        (SINUSOIDAL, &[(CENTRE_LAT, 10.0)][..]),
+        (MERCATOR, &[(NAT_ORIGIN_LAT, 10.0)]),
+        (MERCATOR, &[(STD_PARALLEL_1, 30.0), (NAT_ORIGIN_LAT, 10.0)]),
+        (MERCATOR, &[(STD_PARALLEL_1, 30.0), (SCALE, 0.9)]),
+        (LAMBERT_1SP, &[(NAT_ORIGIN_LAT, 30.0), (STD_PARALLEL_1, 40.0)]),
+        (LAMBERT_2SP, &[(STD_PARALLEL_1, 20.0), (STD_PARALLEL_2, 60.0), (SCALE, 0.9)]),
+        (ORTHOGRAPHIC, &[(CENTRE_LON, far)]),
+        (ORTHOGRAPHIC, &[(CENTRE_LAT, 100.0)]),
+        (TRANSVERSE_MERCATOR, &[(SCALE, far)]),
+        (TRANSVERSE_MERCATOR, &[(SCALE, 0.0)]),
+        (POLAR_STEREOGRAPHIC, &[(NAT_ORIGIN_LAT, 90.0), (SCALE, far)]),
+        (POLAR_STEREOGRAPHIC, &[(NAT_ORIGIN_LAT, 90.0), (SCALE, -1.0)]),
+        (EQUIRECTANGULAR, &[(FALSE_EASTING, far)]),
+        (EQUIRECTANGULAR, &[(FALSE_NORTHING, far)]),
+        (EQUIRECTANGULAR, &[(SEMI_MAJOR, -1.0)]),
+        (EQUIRECTANGULAR, &[(SEMI_MAJOR, far)]),
+    ] {
+        assert!(map(method, keys).is_none(), "{method} {keys:?}");
+    }
+    // A stereographic map about a pole is the polar one.
+    let polar = Projection::of(&Crs::polar(Body::Moon.radius_m(), true)).unwrap();
+    assert!(map(STEREOGRAPHIC, &[(CENTRE_LAT, -90.0)]).unwrap().same_as(&polar));
+    // A scale beyond all maps: y has no number.
+    let (x, y) = map(TRANSVERSE_MERCATOR, &[(SCALE, 1e305)]).unwrap().forward(0.0, 80.0);
+    assert!(x.is_nan() && y.is_nan(), "{x} {y}");
+}
+
+#[test]
+fn maps_differ_in_every_parameter() {
+    let texts = [
+        "+proj=eqc +lat_ts=20 +R=1737400",
+        "+proj=eqc +lat_ts=20 +lat_0=5 +R=1737400",
+        "+proj=eqc +lat_ts=20 +lon_0=5 +R=1737400",
+        "+proj=eqc +lat_ts=20 +x_0=5 +R=1737400",
+        "+proj=eqc +lat_ts=20 +y_0=5 +R=1737400",
+        "+proj=eqc +lat_ts=20 +R=1737400 +units=km",
+        "+proj=eqc +lat_ts=20 +R=1737500",
+        "+proj=eqc +lat_ts=25 +R=1737400",
+    ];
+    for (i, a) in texts.iter().enumerate() {
+        for (j, b) in texts.iter().enumerate() {
+            assert_eq!(of(a).same_as(&of(b)), i == j, "{a} and {b}");
+        }
+    }
+    let (lon, lat) = of(texts[0]).inverse(0.0, f64::NAN);
+    assert!(lon.is_nan() && lat.is_nan(), "{lon} {lat}");
+}

@@ -115,6 +115,7 @@ fn what_is_computed_or_broken_is_refused() {
         ("a.tif", "http://127.0.0.1/a.tif", "found an address"),
         ("-1000, 5", "-1000, 0", "a GeoTransform with an inverse expected"),
         ("-1000, 5", "5", "six numbers as GeoTransform expected"),
+        ("xSize=\"3\"", "xSize=\"1e300\"", "whole pixels as xSize expected, found 1"),
         ("+proj=eqc", "+proj=odd", "line 2: SRS: "),
         ("</VRTRasterBand>", "</VRTRasterBand><VRTRasterBand/>", "2 bands found, one expected"),
         ("</VRTDataset>", "", "XML expected, found"),
@@ -215,4 +216,39 @@ for name, col, row, kind in (('a', 0, 0, 'float32'), ('b', 25, 5, 'float32'), ('
         assert!(ours.iter().zip(file).all(|(a, b)| *a == b || a.is_nan() && (b.is_nan() || b == void)), "{name}");
     }
     assert_eq!(files_of_raster(&folder.path().join("nested.vrt")).unwrap().len(), 5);
+}
+
+#[test]
+fn what_is_no_vrt_or_has_no_place_or_no_files() {
+    let text = opened("<?xml version=\"1.0\"?><a><VRTDataset/></a>").err().unwrap().to_string();
+    assert!(text.contains("VRTDataset as outermost element expected, found a"), "{text}");
+    let text = opened(&SIMPLE.replace("-1000, 5", "inf, 5")).err().unwrap().to_string();
+    assert!(text.contains("a GeoTransform with an inverse expected, found [inf"), "{text}");
+    let from = SIMPLE.find("<GeoTransform>").unwrap();
+    let to = SIMPLE.find("<Metadata>").unwrap();
+    let (_folder, source) = opened(&format!("{}{}", &SIMPLE[..from], &SIMPLE[to..])).unwrap();
+    assert_eq!(source.info().georef, None);
+    let bare = |band: &str| {
+        format!(
+            "<VRTDataset rasterXSize=\"1\" rasterYSize=\"1\"><VRTRasterBand dataType=\"Byte\">{band}</VRTRasterBand></VRTDataset>"
+        )
+    };
+    assert_eq!(samples(&bare("<UnitType>km</UnitType><Offset>2</Offset>")), [2000.0], "a VRT of no file");
+    let piece = "<SimpleSource><SourceFilename>a</SourceFilename><SrcRect xOff=\"0\" yOff=\"0\" xSize=\"1\" ySize=\"1\"/>\
+                 <DstRect xOff=\"0\" yOff=\"0\" xSize=\"1\" ySize=\"1\"/></SimpleSource>";
+    let text = opened(&bare(&piece.repeat(100_001))).err().unwrap().to_string();
+    assert!(text.contains("at most 100000 sources expected, found more"), "{text}");
+}
+
+#[test]
+fn all_files_must_have_one_unit() {
+    let folder = tempfile::tempdir().unwrap();
+    let one = SIMPLE.split("<SimpleSource>").nth(1).unwrap().split("</SimpleSource>").next().unwrap();
+    let two = one.replace("a.tif", "b.tif");
+    let two = SIMPLE.replace("</VRTRasterBand>", &format!("<SimpleSource>{two}</SimpleSource></VRTRasterBand>"));
+    let path = written(folder.path(), &two);
+    let raster = Raster { rows: 2, cols: 3, samples: vec![1.0; 6], georef: None };
+    write(&folder.path().join("b.tif"), &raster, &WriteOptions::heights("t")).unwrap();
+    let text = open(&path).err().unwrap().to_string();
+    assert!(text.contains("b.tif: unit, scale and offset of the first file expected, found others"), "{text}");
 }

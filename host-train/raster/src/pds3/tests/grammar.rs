@@ -33,6 +33,14 @@ fn values_of_every_kind() {
     assert_eq!(units.members()[1].text(), Some("TWO"));
     assert_eq!(value("2#1111111111111111#").number(), Some(65535.0));
     assert_eq!(value("\n\n  MOON").text(), Some("MOON"));
+    // In messages, as in the label, on one line.
+    for (text, shown) in [
+        ("( 1 <m>, (TWO),\n \"Three\n  lines\" , 4.5)", "(1 <m>, (TWO), Three lines, 4.5)"),
+        ("{16#FF#,\t1990-07-04}", "{255 (stated to base 16), 1990-07-04}"),
+        ("()", "()"),
+    ] {
+        assert_eq!(value(text).to_string(), shown);
+    }
     assert!(value("UNK").is_absent() && value("'N/A'").is_absent() && !value("MOON").is_absent());
     assert_eq!(value("\"\u{e9}\"").text(), Some("\u{e9}"), "UTF-8");
 }
@@ -159,4 +167,12 @@ fn real_labels_and_grammar_cases() {
     let expected = [("13", 1), ("15", 4), ("2", 2), ("4", 3), ("6", 3)];
     let expected: Vec<_> = expected.iter().map(|(name, line)| (format!("broken{name}"), *line)).collect();
     assert_eq!(broken, expected);
+}
+
+#[test]
+fn transfer_labels_of_older_volumes_are_skipped() {
+    let text = b"CCSD3ZF0000100000001NJPL3IF0PDSX00000001\r\nNJPL1I00PDS100000000 = SFDU_LABEL\r\nA = 1\r\nB = ;";
+    assert_eq!(defect(text), (4, "a value of B expected, found \";\"".into()));
+    assert_eq!(LabelBlock::parse(&text[..text.len() - 3]).unwrap_err().line, 4);
+    assert_eq!(LabelBlock::parse(b"CCSD3ZF0000100000001").unwrap(), LabelBlock::default(), "nothing follows");
 }

@@ -1,5 +1,6 @@
 //! Images described by labels.
 
+use super::super::label_beside;
 use super::{EQUIRECTANGULAR, POLAR, attached, opened, refused, shared, sldem_label};
 use crate::source::{open, open_with, read_all};
 use crate::{Crs, Projection, heights};
@@ -105,9 +106,14 @@ fn pointers_of_every_form() {
                  LINE_SAMPLES = 2\nSAMPLE_TYPE = INTEGER\nSAMPLE_BITS = 8\nEND_OBJECT\nEND\n"
         )
     };
-    for (pointer, first) in
-        [("\"A.DAT\"", 0.0), ("(\"A.DAT\", 2)", 4.0), ("(\"a.dat\", 4 <BYTES>)", 3.0), ("(\"A.DAT\")", 0.0)]
-    {
+    for (pointer, first) in [
+        ("\"A.DAT\"", 0.0),
+        ("(\"A.DAT\", 2)", 4.0),
+        ("(\"A.DAT\", 2 <records>)", 4.0),
+        ("(\"a.dat\", 4 <BYTES>)", 3.0),
+        ("(\"a.dat\", 5 <BYTE>)", 4.0),
+        ("(\"A.DAT\")", 0.0),
+    ] {
         let text = label(pointer);
         let source = opened(folder.path(), &[("A.LBL", text.as_bytes()), ("A.DAT", &data)]).unwrap();
         assert_eq!(read_all(&*source).unwrap().samples[0], first, "{pointer}");
@@ -129,6 +135,8 @@ fn pointers_of_every_form() {
         ("(\"NONE.DAT\", 2)", "no such file beside the label"),
         ("\"../A.DAT\"", "a file beside the label expected"),
         ("(1, 2, 3)", "as \"FILE\", n or"),
+        ("(1, 2)", "as \"FILE\", n or"),
+        ("(\"A.DAT\", TWO)", "from record or byte 1 on expected, found Symbol(\"TWO\")"),
         ("1", "found the label itself"),
         ("(\"A.DAT\", 170141183460469231731687303715884105727)", "from record or byte 1 on"),
         ("(\"A.DAT\", 18446744073709551615)", "within 2^64"),
@@ -151,6 +159,8 @@ fn files_and_labels_that_disagree_are_refused() {
     let endless =
         attached(4, 5, "SAMPLE_TYPE = PC_REAL SAMPLE_BITS = 64 LINE_PREFIX_BYTES = 18446744073709551615", "", 2);
     assert!(refused(&[("a.img", &endless)]).contains("less than 2^64 bytes"));
+    let beyond = attached(1 << 62, 5, I16, "", 2);
+    assert!(refused(&[("a.img", &beyond)]).contains(&format!("found {} bytes", beyond.len())));
     let none = attached(0, 5, I16, "", 2);
     assert!(refused(&[("a.img", &none)]).contains("at least one sample"));
     let bands = [attached(4, 5, &format!("{I16} BANDS = 3"), "", 2), vec![0; 120]].concat();
@@ -221,6 +231,17 @@ fn places_that_are_not_understood_are_refused() {
         let text = refused(&[("a.img", &file)]);
         assert!(text.contains(reason), "{text}");
     }
+    // Labels of a scale alone, and of neither.
+    for (to, reason) in [
+        ("MAP_SCALE = 0 <KM/PIXEL>", "a MAP_SCALE above 0 expected, found 0 m per pixel"),
+        ("MAP_SCALE = -1 <KM/PIXEL>", "a MAP_SCALE above 0 expected, found -1000 m per pixel"),
+        ("MAP_RESOLUTION = 0", "a MAP_SCALE above 0 expected, found inf m per pixel"),
+        ("", "MAP_SCALE or MAP_RESOLUTION expected, found neither"),
+    ] {
+        let polar = POLAR.replace("MAP_SCALE                      = 0.005 <KM/PIXEL>", to);
+        let text = refused(&[("a.img", &[attached(4, 5, I16, &polar, 2), vec![0; 40]].concat())]);
+        assert!(text.contains(reason), "{text}");
+    }
 }
 
 #[test]
@@ -271,6 +292,9 @@ fn constants_that_mean_nothing_was_measured() {
     );
     let bytes = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 8 CORE_HIGH_REPR_SATURATION = 255 MISSING = 0";
     assert_eq!(gaps(read(bytes, &[0, 1, 254, 255], 1)), [true, false, false, true]);
+    // Keywords that are no constants of that kind.
+    let others = "SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 8 CORE_BASE = 1 BAND_SATURATION = 254";
+    assert_eq!(gaps(read(others, &[0, 1, 254, 255], 1)), [false; 4]);
     let shorts: Vec<u8> = [-32768i16, -32764, -32763, 0].iter().flat_map(|v| v.to_le_bytes()).collect();
     assert_eq!(gaps(read("SAMPLE_TYPE = LSB_INTEGER SAMPLE_BITS = 16", &shorts, 2)), [true, true, false, false]);
     let text = refused(&[("a.img", &attached(1, 2, &format!("{real} MISSING_CONSTANT = \"x\""), "", 4))]);
@@ -324,6 +348,9 @@ fn keywords_without_a_value_are_warned_of() {
     assert_eq!(read_all(&*source).unwrap().samples, [3.0, 4.0]);
     let names = format!("UNIT (line {line}), SCALING_FACTOR (line {}), OFFSET (line {})", line + 1, line + 2);
     assert_eq!(source.info().warnings, [format!("keywords without a value, read as empty: {names}")]);
+    let file = attached(1, 2, &format!("{I16}\nA =\nB =\nC =\nD =\nE =\nF =\nG ="), "", 2);
+    let source = opened(folder.path(), &[("b.img", &[file, le16(&[3, 4])].concat())]).unwrap();
+    assert!(source.info().warnings[0].ends_with("), 2 more"), "{:?}", source.info().warnings);
     // What is needed is missed.
     let text = refused(&[("a.img", &attached(1, 2, "SAMPLE_BITS = 16\nSAMPLE_TYPE =", "", 2))]);
     assert!(text.contains("SAMPLE_TYPE of the IMAGE expected, found none"), "{text}");
@@ -378,4 +405,15 @@ fn real_image_files() {
     assert!(text.contains("^IMAGE names LDEM_4.IMG, no such file beside the label"), "{text}");
     let text = open(&labels.join("NAC_DTM_A12LMAS_VALID.xml")).err().unwrap().to_string();
     assert!(text.contains("Array_3D in a File_Area_Observational expected, found none"), "{text}");
+}
+
+#[test]
+fn an_image_of_a_few_bytes_is_no_tiff_and_a_folder_has_no_label() {
+    let folder = tempfile::tempdir().unwrap();
+    let label = "PDS_VERSION_ID = PDS3\n^IMAGE = \"A.DAT\"\nOBJECT = IMAGE\nLINES = 1\nLINE_SAMPLES = 2\n\
+                 SAMPLE_TYPE = INTEGER\nSAMPLE_BITS = 8\nEND_OBJECT\nEND\n";
+    let source = opened(folder.path(), &[("A.LBL", label.as_bytes()), ("A.DAT", b"II")]).unwrap();
+    assert_eq!(read_all(&*source).unwrap().samples, [73.0, 73.0]);
+    assert_eq!(label_beside(&folder.path().join("A.DAT")).unwrap(), Some(folder.path().join("A.LBL")));
+    assert_eq!(label_beside(&folder.path().join("..")).unwrap(), None);
 }
