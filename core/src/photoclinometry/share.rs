@@ -387,6 +387,10 @@ mod tests {
         let mut twice = contrast;
         twice.add(&contrast);
         assert!((twice.share(LIGHT).open_slope(0.5) - open[1]).abs() < 1e-6);
+        // With a weight of a half two of them are one.
+        let mut halves = Contrast::default();
+        (0..2).for_each(|_| halves.add_weighted(&contrast, 0.5));
+        assert_eq!(halves, contrast);
     }
 
     #[test]

@@ -4,6 +4,7 @@ use super::*;
 use crate::norm::NormError;
 use crate::norm::{ElevationScale, Mirror};
 use crate::tile::Shape;
+use crate::words::Words;
 use core::f64::consts::TAU;
 
 const PLAIN: (&Share, f32) = (&Share::WHOLE, 1.0);
@@ -406,6 +407,28 @@ fn the_cost_of_each_pass_grows_with_the_field() {
     }
 }
 
+/// The position of the work is written and read as words, after every unit.
+#[test]
+fn work_goes_on_from_its_words() {
+    let (rows, cols) = (40, 56);
+    let plan = Photoclinometry::new(Shape::new(rows, cols));
+    let light = Light::of(300.0, 1.2).unwrap();
+    let image = lit(rows, cols, light, 0.1, 0.02);
+    let shading = Shading::new(&image[..], Contrast::ALONG_ROWS).unwrap();
+    let shown = &image[..];
+    let tile = Contrast::level(&shown, plan.tile, 12.0, &shading);
+    let (mut work, mut scratch) = (FieldWork::default(), vec![0.0; plan.scratch_len()]);
+    while plan.advance(&mut work, &Task::Contrast, &tile, &mut scratch).unwrap().is_some() {
+        let mut words = [0; 64];
+        work.visit(&mut Words::writing(&mut words));
+        let mut read = FieldWork::default();
+        read.visit(&mut Words::reading(&mut words));
+        assert_eq!(read, work);
+        work = read;
+    }
+    assert_eq!(plan.measured(&work), plan.contrast(&tile, &mut scratch).unwrap());
+}
+
 /// A wide shadow shows nothing of the ground in it, and changes nothing beside it.
 #[test]
 fn wide_shadows_hide_the_ground() {
@@ -443,6 +466,7 @@ fn slopes_are_those_of_the_heights_and_the_light_is_named() {
         let weight = Weight::Trust { trust: 0.8, long_share: None };
         let tile = GuideInput { image: &image[..], coarse_m: &coarse_m, mirror, coarse_px: 12.0, weight };
         let guide = Guide::new(&plan, tile, &scale, light, &mut scratch).unwrap();
+        let shading = Shading::new(&image[..], light).unwrap();
         let (mut maps, mut plain) = (vec![0.0; SLOPED_MAPS * image.len()], vec![0.0; MAPS * image.len()]);
         let (mut heights, mut again) = (vec![0.0; image.len()], vec![0.0; image.len()]);
         guide.fill_sloped(&mut maps, &mut heights).unwrap();
@@ -459,6 +483,11 @@ fn slopes_are_those_of_the_heights_and_the_light_is_named() {
             let east = slope(cols, col, &|col| height(row, col));
             let south = slope(rows, row, &|row| height(row, col));
             assert_eq!(maps[..MAPS], *plain);
+            // What is kept of the slopes, and what they leave open, in 0.1 of slope.
+            let [east_shown, south_shown] = shading.slopes(image[mirror.source(i, Shape::new(rows, cols))]);
+            let (kept, open) = (0.8 * guide.share().mean(), 10.0 * guide.share().open_slope(0.8));
+            let expected = [kept * east_shown, kept * south_shown, maps[2], open].map(|v| v.clamp(-LIMIT, LIMIT));
+            assert!(maps.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-4), "{i}: {maps:?} {expected:?}");
             assert!((maps[4] - east.clamp(-LIMIT, LIMIT)).abs() < 1e-3, "{i}: {} {east}", maps[4]);
             assert!((maps[5] - south.clamp(-LIMIT, LIMIT)).abs() < 1e-3, "{i}: {} {south}", maps[5]);
             assert!((maps[6] - light.east / light.strength()).abs() < 1e-6);
