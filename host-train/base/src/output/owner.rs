@@ -8,12 +8,12 @@ use super::growing::without_following;
 use super::listing::Listing;
 use super::record::{OutputRecord, start_of};
 use super::renewal::{Renewal, Succession, is_at, is_old};
-use super::step::{Step, before};
+use super::step::{Step, before, write};
 use super::target::check_target;
 use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -200,8 +200,7 @@ fn claim(lock: &Path, here: &OutputRecord) -> std::io::Result<NamedTempFile> {
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     before(Step::Create, lock)?;
     let mut claim = builder.suffix(SUFFIX).tempfile_in(folder_of(lock))?;
-    before(Step::Write, lock)?;
-    claim.write_all(here.text().as_bytes())?;
+    write(claim.as_file_mut(), lock, here.text().as_bytes())?;
     before(Step::Sync, claim.path())?;
     claim.as_file().sync_all()?;
     // Where there are no locks, the file alone is the claim.

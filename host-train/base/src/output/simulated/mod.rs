@@ -6,6 +6,7 @@
 
 mod disk;
 mod processes;
+mod rows;
 
 use super::record::OutputRecord;
 use super::step::{ASKED, Step};
@@ -27,6 +28,8 @@ pub(super) enum Planted {
     CheckThenAct,
     /// An output gets its name after its lock is gone.
     UnlockFirst,
+    /// Checksums of rows are not compared.
+    NoSums,
 }
 
 /// Reproducible numbers (xorshift64*).
@@ -73,6 +76,8 @@ struct State {
     is_cut: bool,
     planted: Option<Planted>,
     holder: Option<usize>,
+    /// Rows that are on disk, as their maker was told.
+    rows_kept: usize,
     /// What must not be.
     faults: Vec<String>,
 }
@@ -207,6 +212,7 @@ impl World {
             is_cut,
             planted,
             holder,
+            rows_kept: 0,
             faults,
         };
         Arc::new(Self { state: Mutex::new(state), next: Condvar::new() })
@@ -237,6 +243,28 @@ impl World {
             let threads: Vec<_> = jobs.into_iter().enumerate().map(start).collect();
             threads.into_iter().filter_map(|thread| thread.join().expect("a process that is only killed")).collect()
         })
+    }
+
+    /// Ends all faults, and lets what a cut has left be found.
+    fn calm(&self) {
+        let mut state = self.lock();
+        state.disk.start_again();
+        (state.kills, state.fails, state.cut_at) = (0, 0, usize::MAX);
+        if std::mem::take(&mut state.is_cut) || state.of_machines {
+            state.age();
+        }
+    }
+
+    fn enter(&self, me: usize) {
+        let mut state = self.lock();
+        if let Some(other) = state.holder.replace(me) {
+            state.faults.push(format!("processes {other} and {me} own the output"));
+        }
+    }
+
+    fn leave(&self, me: usize) {
+        let mut state = self.lock();
+        state.holder = state.holder.filter(|holder| *holder != me);
     }
 
     fn process<T>(self: &Arc<Self>, me: usize, job: Job<T>) -> Option<T> {
