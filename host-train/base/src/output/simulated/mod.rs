@@ -73,6 +73,8 @@ struct State {
     fails: usize,
     /// Whether each process runs on a machine of its own, so that only life signs tell that it has ended.
     of_machines: bool,
+    /// Whether an owner may be halted for an hour, and lose its output meanwhile.
+    halts: bool,
     is_cut: bool,
     planted: Option<Planted>,
     holder: Option<usize>,
@@ -176,9 +178,12 @@ impl State {
         }
     }
 
-    /// Lets an hour go by, in which owners that run give life signs.
-    fn age(&self) {
-        let runs = |record: OutputRecord| self.processes.get(record.pid as usize) == Some(&Phase::Runs);
+    /// Lets an hour go by, in which owners that run give life signs, but one that is halted.
+    fn age(&mut self) {
+        let halted = if self.halts { self.random.below(self.processes.len()) } else { usize::MAX };
+        let runs = |record: OutputRecord| {
+            record.pid as usize != halted && self.processes.get(record.pid as usize) == Some(&Phase::Runs)
+        };
         self.disk.age(|text| OutputRecord::parse(text).is_some_and(runs));
     }
 
@@ -209,6 +214,7 @@ impl World {
             kills,
             fails,
             of_machines,
+            halts: false,
             is_cut,
             planted,
             holder,
@@ -249,7 +255,7 @@ impl World {
     fn calm(&self) {
         let mut state = self.lock();
         state.disk.start_again();
-        (state.kills, state.fails, state.cut_at) = (0, 0, usize::MAX);
+        (state.kills, state.fails, state.cut_at, state.halts) = (0, 0, usize::MAX, false);
         if std::mem::take(&mut state.is_cut) || state.of_machines {
             state.age();
         }
@@ -257,7 +263,8 @@ impl World {
 
     fn enter(&self, me: usize) {
         let mut state = self.lock();
-        if let Some(other) = state.holder.replace(me) {
+        // Who was halted does not know yet that it is no owner.
+        if let Some(other) = state.holder.replace(me).filter(|_| !state.halts) {
             state.faults.push(format!("processes {other} and {me} own the output"));
         }
     }

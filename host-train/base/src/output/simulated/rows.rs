@@ -50,7 +50,9 @@ impl World {
             let (from, to) = (part.rows(), ROWS.min(part.rows() + AT_ONCE));
             owner.check()?;
             part.append(&all[from * COLS..to * COLS])?;
-            self.lock().rows_kept = to;
+            let mut state = self.lock();
+            // One that was halted may cut rows off before it looks. They are made again.
+            state.rows_kept = if state.halts { 0 } else { to };
         }
         let mut staged = Staged::create(out)?;
         part.read(&mut |rows| write(staged.file(), out, &bytes(rows)).map_err(crate::Error::io(out)))?;
@@ -113,6 +115,7 @@ fn damage(seed: u64, out: &Path, path: &Path) -> bool {
 fn play(seed: u64, planted: Option<Planted>) -> Vec<String> {
     let world = World::new(seed, planted);
     let out = world.lock().disk.folder.join("out");
+    world.lock().halts = planted.is_none() && seed % 4 == 1;
     let path = part_path(&out, None).expect("a path");
     if seed.is_multiple_of(3) {
         another_job(&out);
