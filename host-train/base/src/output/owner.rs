@@ -204,8 +204,17 @@ fn claim(lock: &Path, here: &OutputRecord) -> std::io::Result<NamedTempFile> {
     before(Step::Sync, claim.path())?;
     claim.as_file().sync_all()?;
     // Where there are no locks, the file alone is the claim.
-    let _ = claim.as_file().try_lock();
+    let _ = try_lock(claim.as_file());
     Ok(claim)
+}
+
+/// Takes the kernel's lock on a file, if it is free and there is one.
+fn try_lock(file: &File) -> std::result::Result<(), TryLockError> {
+    #[cfg(all(test, unix))]
+    if super::simulated::has_no_flock() {
+        return Err(TryLockError::Error(ErrorKind::Unsupported.into()));
+    }
+    file.try_lock()
 }
 
 /// Takes the place of an owner that has ended. `None` if the lock has just vanished or changed.
@@ -217,7 +226,7 @@ fn succeed(output: &Path, lock: &Path, here: &OutputRecord, claim: NamedTempFile
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         opened => opened.map_err(Error::io(lock))?,
     };
-    let is_locking = match file.try_lock() {
+    let is_locking = match try_lock(&file) {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => return Err(busy(output, lock, &text(&mut file, lock)?, false)),
         Err(TryLockError::Error(_)) => false,

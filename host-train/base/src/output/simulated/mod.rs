@@ -75,6 +75,8 @@ struct State {
     of_machines: bool,
     /// Whether an owner may be halted for an hour, and lose its output meanwhile.
     halts: bool,
+    /// How often an owner was superseded that runs.
+    successions: usize,
     is_cut: bool,
     planted: Option<Planted>,
     holder: Option<usize>,
@@ -107,6 +109,11 @@ fn process() -> Option<(Arc<World>, usize)> {
 /// Returns whether this thread is a simulated process.
 pub(super) fn is_active() -> bool {
     process().is_some()
+}
+
+/// Returns whether machines see nothing of each other's kernel locks.
+pub(super) fn has_no_flock() -> bool {
+    process().is_some_and(|(world, _)| world.lock().halts)
 }
 
 /// Returns the record of the simulated process.
@@ -215,6 +222,7 @@ impl World {
             fails,
             of_machines,
             halts: false,
+            successions: 0,
             is_cut,
             planted,
             holder,
@@ -263,8 +271,11 @@ impl World {
 
     fn enter(&self, me: usize) {
         let mut state = self.lock();
+        let other = state.holder.replace(me);
         // Who was halted does not know yet that it is no owner.
-        if let Some(other) = state.holder.replace(me).filter(|_| !state.halts) {
+        if other.is_some() && state.halts {
+            state.successions += 1;
+        } else if let Some(other) = other {
             state.faults.push(format!("processes {other} and {me} own the output"));
         }
     }
