@@ -87,8 +87,9 @@ impl PartFile {
             }
         }
         // A run that was killed during a write leaves an incomplete row.
-        let whole = (self.file.metadata()?.len() - HEADER_BYTES as u64) / self.row_bytes();
-        self.lost = whole as usize - self.rows;
+        let whole = self.file.metadata()?.len().saturating_sub(HEADER_BYTES as u64) / self.row_bytes();
+        // An owner that was halted may just have cut off what was found. The checksums tell when the rows are read.
+        self.lost = (whole as usize).saturating_sub(self.rows);
         before(Step::Write, &self.path).and_then(|()| self.file.set_len(self.place(self.rows)))?;
         // Who began the file may have been killed before its name was on disk.
         sync_folder(&self.path)
