@@ -8,12 +8,12 @@ use super::growing::without_following;
 use super::listing::Listing;
 use super::record::{OutputRecord, start_of};
 use super::renewal::{Renewal, Succession, is_at, is_old};
-use super::step::{Step, before};
+use super::step::{Step, before, write};
 use super::target::check_target;
 use super::whole::UNFINISHED;
 use crate::{Error, Result, folder_of};
 use std::fs::{File, OpenOptions, TryLockError};
-use std::io::{ErrorKind, Read, Write};
+use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -200,13 +200,21 @@ fn claim(lock: &Path, here: &OutputRecord) -> std::io::Result<NamedTempFile> {
     builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
     before(Step::Create, lock)?;
     let mut claim = builder.suffix(SUFFIX).tempfile_in(folder_of(lock))?;
-    before(Step::Write, lock)?;
-    claim.write_all(here.text().as_bytes())?;
+    write(claim.as_file_mut(), lock, here.text().as_bytes())?;
     before(Step::Sync, claim.path())?;
     claim.as_file().sync_all()?;
     // Where there are no locks, the file alone is the claim.
-    let _ = claim.as_file().try_lock();
+    let _ = try_lock(claim.as_file());
     Ok(claim)
+}
+
+/// Takes the kernel's lock on a file, if it is free and there is one.
+fn try_lock(file: &File) -> std::result::Result<(), TryLockError> {
+    #[cfg(all(test, unix))]
+    if super::simulated::has_no_flock() {
+        return Err(TryLockError::Error(ErrorKind::Unsupported.into()));
+    }
+    file.try_lock()
 }
 
 /// Takes the place of an owner that has ended. `None` if the lock has just vanished or changed.
@@ -218,7 +226,7 @@ fn succeed(output: &Path, lock: &Path, here: &OutputRecord, claim: NamedTempFile
         Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
         opened => opened.map_err(Error::io(lock))?,
     };
-    let is_locking = match file.try_lock() {
+    let is_locking = match try_lock(&file) {
         Ok(()) => true,
         Err(TryLockError::WouldBlock) => return Err(busy(output, lock, &text(&mut file, lock)?, false)),
         Err(TryLockError::Error(_)) => false,

@@ -1,11 +1,10 @@
 //! Files that appear whole or not at all.
 
-use super::step::{Step, before};
+use super::step::{Step, before, write};
 use super::target::check_target;
 use crate::digest::sha256_of;
 use crate::{Error, Result, folder_of};
 use std::fs::File;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use tempfile::NamedTempFile;
 
@@ -82,7 +81,6 @@ pub(super) fn sync_folder(path: &Path) -> std::io::Result<()> {
 /// As [`check_target`]; [`Error::Io`] if the folder or file cannot be written.
 pub fn atomic_write(path: &Path, bytes: &[u8]) -> Result<()> {
     let mut staged = Staged::create(path)?;
-    before(Step::Write, path).map_err(Error::io(path))?;
-    staged.file().write_all(bytes).map_err(Error::io(path))?;
+    write(staged.file(), path, bytes).map_err(Error::io(path))?;
     staged.publish()
 }

@@ -40,6 +40,9 @@ pub fn fill(
     make: impl FnOnce(usize, Keep, TileProgress) -> Result<Tally>,
 ) -> Result<(PartFile, Tally)> {
     let from = part.rows();
+    if part.lost() > 0 {
+        say::note(&format!("{}: {} damaged rows found; they are made again", part.path().display(), part.lost()));
+    }
     if from > 0 {
         say::note(&format!("{}: going on after row {from} of {rows}", part.path().display()));
     }

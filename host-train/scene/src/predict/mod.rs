@@ -13,7 +13,6 @@ pub mod neighbourhoods;
 pub mod network;
 pub mod notices;
 mod output;
-mod part;
 mod preview;
 pub mod record;
 pub mod rows;
@@ -39,10 +38,10 @@ mod tests;
 #[cfg(test)]
 mod unrelated_tests;
 
+pub use elunar_base::output::{PartFile, part_path};
 pub use identity::sum_path;
 pub use maps::{ErrorMaps, Maps};
 pub use output::{DtmWriter, Provenance, hillshade_path};
-pub use part::{PartFile, part_path};
 pub use preview::Preview;
 pub(crate) use run::{Cut, TileMaker, make_rows};
 pub use run::{PredictOptions, Prediction, Tally, TileProgress, predict, predict_rows, predict_span};

@@ -19,8 +19,8 @@ pub(super) struct Disk {
     now: BTreeMap<String, Number>,
     /// Per name: the state on disk, then every later one.
     states: BTreeMap<String, Vec<Option<Number>>>,
-    /// Files whose bytes are on disk.
-    synced: BTreeSet<Number>,
+    /// Bytes that are on disk, of files that were ever synced.
+    synced: BTreeMap<Number, Vec<u8>>,
     /// Names at the time of a kill, and those that a cut leaves.
     remembered: BTreeMap<String, Number>,
     left: Option<BTreeMap<String, Number>>,
@@ -61,7 +61,7 @@ impl Disk {
     /// The bytes of a file are on disk.
     pub(super) fn sync(&mut self, path: &Path) {
         if let Ok(file) = std::fs::symlink_metadata(path) {
-            self.synced.insert(file.ino());
+            self.synced.insert(file.ino(), std::fs::read(path).expect("a file"));
         }
     }
 
@@ -88,7 +88,7 @@ impl Disk {
         self.look();
     }
 
-    /// Cuts power: of each name any state since the last sync is left, of bytes that are not on disk any number.
+    /// Cuts power: of each name any state since the last sync is left, of bytes that are not on disk any sectors, in any order.
     pub(super) fn cut(&mut self) {
         self.look();
         let mut left = BTreeMap::new();
@@ -113,16 +113,32 @@ impl Disk {
         }
         for (name, number) in left {
             let kept = self.kept.join(number.to_string());
-            if !self.synced.contains(&number) {
-                let file = std::fs::OpenOptions::new().write(true).open(&kept).expect("a file");
-                let bytes = file.metadata().expect("a file").len() as usize;
-                file.set_len(self.random.below(bytes + 1) as u64).expect("a shorter file");
+            let written = std::fs::read(&kept).expect("a file");
+            let on_disk = self.synced.remove(&number).unwrap_or_default();
+            if on_disk != written {
+                std::fs::write(&kept, self.torn(&on_disk, &written)).expect("a torn file");
             }
+            self.synced.insert(number, std::fs::read(&kept).expect("a file"));
             std::fs::hard_link(kept, self.folder.join(name)).expect("a name again");
         }
         self.now.clear();
         self.look();
         self.states.clear();
+    }
+
+    /// Returns what a cut leaves of bytes that were not synced: a length, and of each sector the old or the new bytes. Where there was none, zeros
+    /// or what others have left.
+    fn torn(&mut self, old: &[u8], new: &[u8]) -> Vec<u8> {
+        const SECTOR_BYTES: usize = 16;
+        let (least, most) = (old.len().min(new.len()), old.len().max(new.len()));
+        let length = [old.len(), new.len(), least + self.random.below(most - least + 1)][self.random.below(3)];
+        let mut bytes = vec![0; length];
+        for (i, sector) in bytes.chunks_mut(SECTOR_BYTES).enumerate() {
+            let from = [old, new][self.random.below(2)].get(i * SECTOR_BYTES..).unwrap_or_default();
+            sector.fill([0, 0xa5][self.random.below(2)]);
+            sector.iter_mut().zip(from).for_each(|(left, byte)| *left = *byte);
+        }
+        bytes
     }
 
     /// Lets an hour go by. Files whose text `is_touched` are touched meanwhile.

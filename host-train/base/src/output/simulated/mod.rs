@@ -6,6 +6,7 @@
 
 mod disk;
 mod processes;
+mod rows;
 
 use super::record::OutputRecord;
 use super::step::{ASKED, Step};
@@ -27,6 +28,8 @@ pub(super) enum Planted {
     CheckThenAct,
     /// An output gets its name after its lock is gone.
     UnlockFirst,
+    /// Checksums of rows are not compared.
+    NoSums,
 }
 
 /// Reproducible numbers (xorshift64*).
@@ -70,9 +73,15 @@ struct State {
     fails: usize,
     /// Whether each process runs on a machine of its own, so that only life signs tell that it has ended.
     of_machines: bool,
+    /// Whether an owner may be halted for an hour, and lose its output meanwhile.
+    halts: bool,
+    /// How often an owner was superseded that runs.
+    successions: usize,
     is_cut: bool,
     planted: Option<Planted>,
     holder: Option<usize>,
+    /// Rows that are on disk, as their maker was told.
+    rows_kept: usize,
     /// What must not be.
     faults: Vec<String>,
 }
@@ -100,6 +109,11 @@ fn process() -> Option<(Arc<World>, usize)> {
 /// Returns whether this thread is a simulated process.
 pub(super) fn is_active() -> bool {
     process().is_some()
+}
+
+/// Returns whether machines see nothing of each other's kernel locks.
+pub(super) fn has_no_flock() -> bool {
+    process().is_some_and(|(world, _)| world.lock().halts)
 }
 
 /// Returns the record of the simulated process.
@@ -171,9 +185,12 @@ impl State {
         }
     }
 
-    /// Lets an hour go by, in which owners that run give life signs.
-    fn age(&self) {
-        let runs = |record: OutputRecord| self.processes.get(record.pid as usize) == Some(&Phase::Runs);
+    /// Lets an hour go by, in which owners that run give life signs, but one that is halted.
+    fn age(&mut self) {
+        let halted = if self.halts { self.random.below(self.processes.len()) } else { usize::MAX };
+        let runs = |record: OutputRecord| {
+            record.pid as usize != halted && self.processes.get(record.pid as usize) == Some(&Phase::Runs)
+        };
         self.disk.age(|text| OutputRecord::parse(text).is_some_and(runs));
     }
 
@@ -204,9 +221,12 @@ impl World {
             kills,
             fails,
             of_machines,
+            halts: false,
+            successions: 0,
             is_cut,
             planted,
             holder,
+            rows_kept: 0,
             faults,
         };
         Arc::new(Self { state: Mutex::new(state), next: Condvar::new() })
@@ -237,6 +257,32 @@ impl World {
             let threads: Vec<_> = jobs.into_iter().enumerate().map(start).collect();
             threads.into_iter().filter_map(|thread| thread.join().expect("a process that is only killed")).collect()
         })
+    }
+
+    /// Ends all faults, and lets what a cut has left be found.
+    fn calm(&self) {
+        let mut state = self.lock();
+        state.disk.start_again();
+        (state.kills, state.fails, state.cut_at, state.halts) = (0, 0, usize::MAX, false);
+        if std::mem::take(&mut state.is_cut) || state.of_machines {
+            state.age();
+        }
+    }
+
+    fn enter(&self, me: usize) {
+        let mut state = self.lock();
+        let other = state.holder.replace(me);
+        // Who was halted does not know yet that it is no owner.
+        if other.is_some() && state.halts {
+            state.successions += 1;
+        } else if let Some(other) = other {
+            state.faults.push(format!("processes {other} and {me} own the output"));
+        }
+    }
+
+    fn leave(&self, me: usize) {
+        let mut state = self.lock();
+        state.holder = state.holder.filter(|holder| *holder != me);
     }
 
     fn process<T>(self: &Arc<Self>, me: usize, job: Job<T>) -> Option<T> {

@@ -2,8 +2,8 @@
 
 use super::*;
 use crate::digest::sha256_of;
+use crate::output::step::write;
 use crate::output::{Owner, Staged, atomic_write};
-use std::io::Write;
 use std::result::Result;
 
 /// Schedules of a usual run. `ELUNAR_SCHEDULES` tries more, from `ELUNAR_SEED` on.
@@ -11,7 +11,7 @@ const SCHEDULES: u64 = 300;
 /// Number of processes.
 const PROCESSES: usize = 3;
 
-fn number(name: &str, usual: u64) -> u64 {
+pub(super) fn number(name: &str, usual: u64) -> u64 {
     std::env::var(name).ok().map_or(usual, |text| text.parse().expect("a number"))
 }
 
@@ -63,23 +63,9 @@ impl World {
         }
         let out = folder.join("out");
         let mut staged = Staged::create(&out)?;
-        before(Step::Write, &out)
-            .and_then(|()| staged.file().write_all(&payload(me)))
-            .map_err(crate::Error::io(&out))?;
+        write(staged.file(), &out, &payload(me)).map_err(crate::Error::io(&out))?;
         owner.check()?;
         Ok(Some(staged))
-    }
-
-    fn enter(&self, me: usize) {
-        let mut state = self.lock();
-        if let Some(other) = state.holder.replace(me) {
-            state.faults.push(format!("processes {other} and {me} own the output"));
-        }
-    }
-
-    fn leave(&self, me: usize) {
-        let mut state = self.lock();
-        state.holder = state.holder.filter(|holder| *holder != me);
     }
 }
 
@@ -112,14 +98,7 @@ fn play(seed: u64, planted: Option<Planted>) -> Vec<String> {
         (from..from + count).map(one).collect::<Vec<_>>()
     };
     let finished = world.run(jobs(&world, 0, PROCESSES)).contains(&Ok(true));
-    {
-        let mut state = world.lock();
-        state.disk.start_again();
-        (state.kills, state.fails, state.cut_at) = (0, 0, usize::MAX);
-        if std::mem::take(&mut state.is_cut) || state.of_machines {
-            state.age();
-        }
-    }
+    world.calm();
     let mut faults = Vec::new();
     let whole = |when: &str, faults: &mut Vec<String>| {
         if std::fs::read(folder.join("out")).is_ok_and(|bytes| !is_whole(&bytes)) {
