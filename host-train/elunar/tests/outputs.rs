@@ -354,6 +354,8 @@ fn refused_memory_is_one_error_line() {
             Some(0) => successes += 1,
             // The loader's own message, before the program begins.
             Some(127) if text.contains("cannot allocate memory") || text.contains("failed to map segment") => {}
+            // The end of Rust's runtime, before `main` begins.
+            None if text.contains("failed to allocate an alternative stack") => {}
             // The C library's own end, when a thread begins without memory.
             None if text.contains("Fatal glibc error") => {}
             code => {
