@@ -95,14 +95,15 @@ impl PartFile {
         sync_folder(&self.path)
     }
 
-    /// Removes the rows of the same job at `path`, if they are there, once the names of that folder are on disk.
+    /// Removes the rows of the same job at `path`, or a file that a run began and a kill or cut left without a whole header, once the names of that
+    /// folder are on disk.
     ///
     /// # Errors
     /// [`Error::Io`] if they cannot be removed.
     pub fn discard(path: &Path, job: &str, cols: usize) -> Result<()> {
-        let mut found = [0; HEADER_BYTES];
-        let known = File::open(path).and_then(|mut file| file.read_exact(&mut found));
-        if known.is_ok() && found[..] == id(job, cols)[..] {
+        let mut found = Vec::new();
+        let known = File::open(path).and_then(|file| file.take(HEADER_BYTES as u64).read_to_end(&mut found));
+        if known.is_ok() && id(job, cols).starts_with(&found) {
             // Who finished the output may have been killed before its name was on disk.
             sync_folder(path)
                 .and_then(|()| before(Step::Remove, path))
@@ -304,6 +305,14 @@ mod tests {
         PartFile::discard(&path, "b", 3).unwrap();
         PartFile::open(&output, "b", 3).unwrap().remove().unwrap();
         assert!(!path.exists());
+        for begun in [&b""[..], b"elunar p"] {
+            std::fs::write(&path, begun).unwrap();
+            PartFile::discard(&path, "b", 3).unwrap();
+            assert!(!path.exists(), "a file without a whole header is left");
+        }
+        std::fs::write(&path, "somebody's").unwrap();
+        PartFile::discard(&path, "b", 3).unwrap();
+        assert!(path.exists(), "another file is removed");
     }
 
     #[test]
