@@ -41,14 +41,16 @@ if ! profdata="$(tool llvm-profdata)" || ! cov="$(tool llvm-cov)"; then
     exit 0
 fi
 
-export CARGO_INCREMENTAL=0 RUSTC_WORKSPACE_WRAPPER="$root/tests/coverage.sh"
+export CARGO_INCREMENTAL=0
 export RUSTDOCFLAGS="-C instrument-coverage" # for the linker: the crate's own code is in the library
 # The same random cases every time, and no data from outside of the repository, so that the same branches are reached.
 export PROPTEST_RNG_SEED=1 PROPTEST_DISABLE_FAILURE_PERSISTENCE=true ELUNAR_SHARED="$target/none"
 for package in "${packages[@]}"; do
     made="$target/$package"
-    export COVERAGE_OF="$package" CARGO_TARGET_DIR="$target/of-$package" # each with its own build of the packages below it
     rm -rf "$made" && mkdir -p "$made"
+    # Cargo tells builds of the repository's crates apart by their wrapper's path, and shares all others with `cargo test`.
+    ln -s "$root/tests/coverage.sh" "$made/rustc"
+    export COVERAGE_OF="$package" RUSTC_WORKSPACE_WRAPPER="$made/rustc"
     export LLVM_PROFILE_FILE="$made/%p-%m.profraw"
     # The programs have the map of the source, each run adds its counts.
     cargo test --locked --package "$package" --lib --bins --tests --no-run --message-format=json |

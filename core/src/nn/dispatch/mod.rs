@@ -40,7 +40,7 @@ impl Kernel {
     pub const SCALAR: Self = Self::of::<Scalar>();
 
     /// Compiles the operators with the features that every processor of the target has.
-    const fn of<I: Isa>() -> Self {
+    pub(crate) const fn of<I: Isa>() -> Self {
         Self {
             name: I::NAME,
             unit: ops::run::<I>,

@@ -1,11 +1,32 @@
 //! All kernels of this processor.
 #![allow(unsafe_code)]
 
+use crate::nn::kernels::scalar::Scalar;
+use crate::nn::kernels::{ACCUMULATORS, Accumulators, Isa, Patch};
+use crate::nn::panels::PANEL;
 use crate::nn::{ArmExtensions, Kernel, TilesAllowed};
 use std::io::Write;
 use std::sync::Once;
 
-/// Returns the kernels of this processor, fastest first, with those of which the system must be asked.
+/// The scalar kernel with blocks as large as those of AMX, and products of several sources together as there: any processor tests this way through
+/// the operators.
+#[derive(Default)]
+struct Together(Scalar);
+
+impl Isa for Together {
+    const NAME: &str = "together-u8i8-4x8";
+    const TOGETHER: bool = true;
+
+    fn block(left: usize, _: usize) -> usize {
+        left.min(ACCUMULATORS / PANEL)
+    }
+
+    fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
+        self.0.gemm(acc, pixels, patch, weights, width);
+    }
+}
+
+/// Returns the kernels of this processor, fastest first, with those of which the system must be asked; then one that only tests have.
 pub(crate) fn kernels() -> Vec<Kernel> {
     static SAID: Once = Once::new();
     let tiles = tiles_allowed().and_then(Kernel::amx);
@@ -26,7 +47,8 @@ pub(crate) fn kernels() -> Vec<Kernel> {
     });
     // SAFETY: the system says that the processor has them.
     let arm = extensions.map(|[dot, matrices]| unsafe { ArmExtensions::state(dot, matrices) });
-    tiles.into_iter().chain(arm.into_iter().flat_map(Kernel::arm)).chain(Kernel::available()).collect()
+    let of_processor = tiles.into_iter().chain(arm.into_iter().flat_map(Kernel::arm)).chain(Kernel::available());
+    of_processor.chain([Kernel::of::<Together>()]).collect()
 }
 
 /// Whether this AArch64 processor has dot products, and matrices of i8.
