@@ -27,7 +27,7 @@ def sigma_of_mean(
     the coarse DTM's ``coarse_sigma_m``² exp(-h / ``coarse_correlation_m``), and s₁ s₂ exp(-h / one coarse pixel) of the errors s that the image leaves:
     s² is ``sigma``² without the coarse DTM's (the block variance of geostatistics: Journel and Huijbregts 1978; for DTMs Rolstad et al. 2009). Pairs
     are counted by their distance with the Fourier transform, so any shape will do. Sides beyond 1024 pixels are taken in blocks, whose pixels
-    count as if they erred alike.
+    count as if they lay in one place.
     """
     rows, cols = (np.flatnonzero(where.any(axis)) for axis in (1, 0))
     cut = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
