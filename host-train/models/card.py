@@ -255,6 +255,15 @@ def sure():
     return table(["scenes", "heights: 1 sd", "1.96 sd", "slopes: 1 sd", "1.96 sd"], lines)
 
 
+def means():
+    """Shares of mean errors of drawn maps within one and 1.96 expected standard deviations (suites/estimates.py)."""
+    found = re.findall(r"^120 x 120 +(.+?) +(\d+) ([\d.]+) ([\d.]+) ", (OUT / "fields.txt").read_text(), re.M)
+    of = {(how, int(radius)): f"{one}/{more}" for how, radius, one, more in found}
+    radii = (1, 4, 16)
+    hows = {"along four tracks": "found", "assumed": "assumed", "uncorrelated": "assumed, independent"}
+    return table(["radius", *map(str, radii)], [[name, *(of[how, radius] for radius in radii)] for name, how in hows.items()])
+
+
 def shaded():
     places = [
         ("built-in suite", "suite", "all"),
@@ -279,6 +288,7 @@ TABLES = {
     "limits": limits,
     "landforms": landforms,
     "sure": sure,
+    "means": means,
     "shaded": shaded,
 }
 

@@ -67,5 +67,5 @@ part sure all_sure
 for list in apollo15 independent stereolunar; do
     part "$list-free" run suite --suite "$out/lists/$list.toml" --no-anchor "${models[@]}" --out "$out/$list-free"
 done
-for what in anchor sigma ceiling; do part "$what" python3 "$here/suites/estimates.py" "$out" "$what"; done
+for what in anchor sigma ceiling means fields; do part "$what" python3 "$here/suites/estimates.py" "$out" "$what"; done
 python3 "$here/models/card.py" "$out"

@@ -7,10 +7,15 @@
                                                   along simulated laser tracks; from the coarse DTM itself, too (`without relief`)
     host-train/suites/estimates.py OUT floor      the same for fewer laser spots than `predict` takes, without the program
     host-train/suites/estimates.py OUT ceiling    the same if the error's standard deviation is known, and its map is not
+    host-train/suites/estimates.py OUT means      mean heights over ellipses that are within 1 and 1.96 expected standard deviations, with what is
+                                                  assumed of the coarse DTM's error and as `predict --tracks` finds it along four tracks; how far
+                                                  apart the errors that an image leaves are alike
+    host-train/suites/estimates.py OUT fields     the same of drawn errors alone; their covariance, and what is nearest to it
 
 Other anchors are computed as core/src/norm/anchor.rs has it, but over the whole scene instead of tile by tile. PROGRAM: host-train (default: built by cargo). Needs numpy, scipy and rasterio.
 """
 
+import argparse
 import json
 import os
 import pathlib
@@ -22,14 +27,21 @@ import zlib
 import numpy as np
 import rasterio
 import rasterio.warp
-from external import sldem_errors
+from external import SLDEM_PIXEL_M, sldem_errors
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
+
+# Without the package's native part.
+sys.path.append(str(pathlib.Path(__file__).parents[1] / "python/elunardtm"))
+from _mean import sigma_of_mean  # noqa: E402
 
 LISTS = "real", "real-erring", "apollo15", "independent", "stereolunar", "suite"
 WEIGHTS, HALF_WIDTHS_COARSE_PX = (0.5, 0.7, 1.0), (0.5, 0.75)
 # Standard deviation of the errors in `real-erring` in coarse pixels: 2.6 m and 1.5 m for 59.2 m.
 ERRING_SIGMA_PX = np.hypot(2.6, 1.5) / 59.2
 TRACKS, DRAWS = (4, 2, 8), 2
+# As in host-train/scene/src/predict/sigma.rs and correlation.rs.
+ASSUMED_SIGMA_M, ASSUMED_PX, LONGEST_PX = 0.04 * SLDEM_PIXEL_M, 9, 100
+RADII_PX, ELLIPSES = (1, 2, 4, 8, 16), 6
 FEW_SPOTS, FEW_TRACKS, FEW_DRAWS = (5, 10, 15, 20, 30), (1, 2, 3), 12
 PROGRAM = os.environ.get("PROGRAM", "cargo run --release --quiet --package host-train --").split()
 RANGES = np.array([[0.55, 0.80], [0.88, 0.99]])
@@ -177,7 +189,7 @@ def by_program(out, part, name, scene, spots):
             return None
         if made.returncode:
             sys.exit(f"{part} {name}: {made.stderr}")
-        return read(folder / "e.tif")[0], json.loads(made.stdout)["uncertainty"]["tracks"]["sigma_m"]
+        return read(folder / "e.tif")[0], json.loads(made.stdout)["uncertainty"]
 
 
 def sure(out, part):
@@ -207,8 +219,9 @@ def sigma(out):
                         continue
                     at = tuple(np.concatenate(spots, 1))
                     expected = np.sqrt(square_along(errors, from_image, at))
-                    if abs(found[1] - expected) > 0.02 * expected + 0.02:
-                        sys.exit(f"{part} {name}, {tracks} tracks, draw {draw}: {expected} m expected, the program found {found[1]} m")
+                    sigma_m = found[1]["tracks"]["sigma_m"]
+                    if abs(sigma_m - expected) > 0.02 * expected + 0.02:
+                        sys.exit(f"{part} {name}, {tracks} tracks, draw {draw}: {expected} m expected, the program found {sigma_m} m")
                     of.setdefault(f"from {tracks} tracks", []).append(shares(errors, found[0]))
                     add(f"{tracks}, without relief", np.sqrt(np.mean((scene.coarse - scene.truth)[at] ** 2)))
         for how, one in of.items():
@@ -247,11 +260,141 @@ def ceiling():
             report(f"{shape[0]} x {shape[1]}", how, np.array([shares(*pair) for pair in zip(maps, np.broadcast_to(sds, maps.shape))]))
 
 
+def length_along(errors, spots, coarse_px, square):
+    """Correlation length of errors along tracks, coarse pixels, as host-train/scene/src/predict/correlation.rs has it; None if they do not tell."""
+    counts, sums = np.zeros((2, LONGEST_PX + 1))
+    for row, col in spots:
+        cells, index = np.unique((np.array((row, col)) / coarse_px).astype(int), axis=1, return_inverse=True)
+        means = np.bincount(index.ravel(), errors[row, col]) / np.bincount(index.ravel())
+        first, second = np.triu_indices(means.size, 1)
+        lag = np.rint(np.hypot(*(cells[:, first] - cells[:, second]))).astype(int)
+        near = lag <= LONGEST_PX
+        np.add.at(counts, lag[near], 1)
+        np.add.at(sums, lag[near], (means[first] * means[second])[near])
+    lags = np.flatnonzero(counts)
+    if not lags.size or lags[-1] < 2 * ASSUMED_PX or square <= 0:
+        return None
+    lengths = np.append(np.exp(np.arange(np.log(0.25), np.log(lags[-1] / 2), np.log(1.02))), lags[-1] / 2)
+    misfits = [np.sum(counts[lags] * (sums[lags] / counts[lags] / square - np.exp(-lags / length)) ** 2) for length in lengths]
+    return lengths[np.argmin(misfits)]
+
+
+def ellipses(shape, radius, random):
+    """Ellipses inside a map with the area of a disc of this radius, pixels, at most twice as long as wide."""
+    rows, cols = np.ogrid[: shape[0], : shape[1]]
+    longer = radius * np.sqrt(2)
+    for _ in range(ELLIPSES if 2 * longer + 1 <= min(shape) else 0):
+        half, angle = radius * np.sqrt(1 + random.random()), np.pi * random.random()
+        row, col = (longer + random.random() * (side - 1 - 2 * longer) for side in shape)
+        along = (rows - row) * np.sin(angle) + (cols - col) * np.cos(angle)
+        across = (rows - row) * np.cos(angle) - (cols - col) * np.sin(angle)
+        yield (along / half) ** 2 + (across * half / radius**2) ** 2 <= 1
+
+
+def report_means(part, of):
+    for (how, radius), ratios in sorted(of.items()):
+        inside = (f"{np.mean(np.abs(ratios) < limit):.2f}" for limit in (1, 1.96))
+        print(f"{part:12} {how:28} {radius:2}", *inside, f"{np.sqrt(np.mean(np.square(ratios))):.2f} of {len(ratios)}", flush=True)
+
+
+def means_of(errors, pixel_m, coarse_px, known, random, of):
+    """Adds the ratios of mean errors over ellipses to their standard deviations. `known`: map of those of heights, sigma and length of the coarse
+    DTM's errors in metres, by how they are known."""
+    valid = np.isfinite(errors + sum(map_ for map_, _, _ in known.values()))
+    for radius in RADII_PX:
+        for inside in ellipses(errors.shape, radius * coarse_px, random):
+            if np.count_nonzero(inside & valid) < 0.9 * np.count_nonzero(inside):
+                continue
+            inside &= valid
+            for how, (map_, *sigma_and_length) in known.items():
+                sd = sigma_of_mean(map_, inside, pixel_m, coarse_px * pixel_m, *sigma_and_length)
+                of.setdefault((how, radius), []).append(errors[inside].mean() / sd)
+
+
+def mean_heights(out):
+    print("list, sigma and length of the coarse DTM's error; radius in coarse pixels, within 1 and 1.96 sd, rms error in sd")
+    for part in ("real", "real-erring", "suite"):
+        of, lengths = {}, []
+        for name, scene, from_image, sds in sure(out, part):
+            errors, random = scene.dtm - scene.truth, np.random.default_rng(zlib.crc32(name.encode()))
+            pixel_m, sigma_m = scene.coarse_m / scene.coarse_px, min(3, 0.04 * scene.coarse_m)
+            known = {"assumed, independent": (sds, sigma_m, 1e-3), "assumed": (sds, sigma_m, ASSUMED_PX * scene.coarse_m)}
+            spots = along_tracks(scene, sds, TRACKS[0], random)
+            found = by_program(out, part, name, scene, spots)
+            if found:
+                told = found[1]["coarse_sigma_m"], found[1]["coarse_correlation_m"]
+                off = np.abs(errors - np.median(errors[tuple(np.concatenate(spots, 1))]))
+                limit = max(1.0, 5 * 1.4826 * np.median(off[tuple(np.concatenate(spots, 1))]))
+                kept = [(row[off[row, col] <= limit], col[off[row, col] <= limit]) for row, col in spots]
+                length = length_along(errors, kept, scene.coarse_px, told[0] ** 2)
+                expected = (ASSUMED_PX if length is None else length) * scene.coarse_m
+                if abs(told[1] / expected - 1) > 0.05:
+                    sys.exit(f"{part} {name}: a length of {expected} m expected, the program found {told[1]} m")
+                lengths.append(length)
+                known["found"] = found[0], *told
+                known["sigma found, length assumed"] = found[0], told[0], ASSUMED_PX * scene.coarse_m
+            means_of(errors, pixel_m, scene.coarse_px, known, random, of)
+        report_means(part, of)
+        print(f"{part:12} lengths found, coarse pixels:", *("too short" if one is None else f"{one:.1f}" for one in lengths))
+    of_image(out)
+
+
+def of_image(out):
+    """What the image leaves is the whole error where the coarse DTM has none."""
+    lags, of = (0.5, 1, 2, 3, 4), []
+    for _, scene, _, _ in sure(out, "real"):
+        errors = scene.dtm - scene.truth
+        square, products = np.nanmean(errors**2), []
+        for lag in lags:
+            far = max(1, round(lag * scene.coarse_px))
+            products.append(np.mean([np.nanmean(errors[far:] * errors[:-far]), np.nanmean(errors[:, far:] * errors[:, :-far])]))
+        of.append(np.array(products) / square)
+    print("correlation of the image's errors at", *lags, "coarse pixels:", *(f"{one:.2f}" for one in np.mean(of, 0)))
+
+
+def fields():
+    print("covariance of drawn errors at distances in coarse pixels, over the variance: without direction, down the stripes; nearest models")
+    side, number, random = 64, 300, np.random.default_rng(1)
+    squares = sum(np.abs(np.fft.fft2(sldem_errors((side, side), random), (2 * side, 2 * side))) ** 2 for _ in range(number))
+    pairs = np.fft.ifft2(np.abs(np.fft.fft2(np.ones((side, side)), (2 * side, 2 * side))) ** 2).real
+    products = np.fft.ifft2(squares / number).real
+    far = np.abs(np.fft.fftfreq(2 * side, 1 / (2 * side)))
+    lag = np.rint(np.hypot(*np.meshgrid(far, far, indexing="ij"))).astype(int)
+    every = np.bincount(lag.ravel(), products.ravel()) / np.bincount(lag.ravel(), pairs.ravel()) / products[0, 0] * pairs[0, 0]
+    down = products[:, 0] / np.maximum(pairs[:, 0], 1) / products[0, 0] * pairs[0, 0]
+    for distance in (1, 2, 4, 6, 9, 12, 16, 24, 32):
+        print(f"{distance:2} {every[distance]:.2f} {down[distance]:.2f}")
+    lengths = np.arange(1, 30, 0.1)
+    for how, curve in (("without direction", every), ("down the stripes", down)):
+        for form, power in (("exponential", 1), ("Gaussian", 2)):
+            for last in (12, 24, 40):
+                misfit = [np.sqrt(np.mean((curve[1 : last + 1] - np.exp(-((np.arange(1, last + 1) / one) ** power))) ** 2)) for one in lengths]
+                print(f"{how}, to {last}: {form} of {lengths[np.argmin(misfit)]:.1f} coarse pixels, rms {min(misfit):.3f}")
+    print("shape; radius in coarse pixels, within 1 and 1.96 sd, rms error in sd")
+    for shape in ((12, 12), (25, 25), (60, 60), (120, 120)):
+        of, told = {}, []
+        for seed in range(400 if shape[0] < 100 else 200):
+            random = np.random.default_rng(1000 + seed)
+            scene = argparse.Namespace(dtm=sldem_errors(np.array(shape), random), truth=0, coarse_px=1)
+            spots = along_tracks(scene, 0, TRACKS[0], random)
+            sigma_m = np.sqrt(square_along(scene.dtm, 0, tuple(np.concatenate(spots, 1))))
+            length = length_along(scene.dtm, spots, 1, sigma_m**2)
+            told.append(length or np.nan)
+            ways = {"assumed, independent": (ASSUMED_SIGMA_M, 1e-3), "assumed": (ASSUMED_SIGMA_M, ASSUMED_PX), "found": (sigma_m, length or ASSUMED_PX),
+                    "sigma found, length assumed": (sigma_m, ASSUMED_PX)}
+            known = {how: (np.full(shape, sigma), sigma, of_pixels * SLDEM_PIXEL_M) for how, (sigma, of_pixels) in ways.items()}
+            means_of(scene.dtm, SLDEM_PIXEL_M, 1, known, random, of)
+        report_means(f"{shape[0]} x {shape[1]}", of)
+        if np.any(np.isfinite(told)):
+            print("lengths found, coarse pixels, 10, 50 and 90 %:", *(f"{one:.1f}" for one in np.nanquantile(told, (0.1, 0.5, 0.9))))
+
+
 def main():
-    if len(sys.argv) != 3 or sys.argv[2] not in ("anchor", "sigma", "floor", "ceiling"):
+    of_files = {"anchor": anchor, "sigma": sigma, "floor": floor, "means": mean_heights}
+    if len(sys.argv) != 3 or sys.argv[2] not in (*of_files, "ceiling", "fields"):
         sys.exit(__doc__)
-    out = pathlib.Path(sys.argv[1])
-    ceiling() if sys.argv[2] == "ceiling" else {"anchor": anchor, "sigma": sigma, "floor": floor}[sys.argv[2]](out)
+    drawn = {"ceiling": ceiling, "fields": fields}.get(sys.argv[2])
+    drawn() if drawn else of_files[sys.argv[2]](pathlib.Path(sys.argv[1]))
 
 
 main()

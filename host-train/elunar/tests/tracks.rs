@@ -64,6 +64,16 @@ fn an_error_that_no_image_shows_is_found_along_tracks() {
     assert!(said.contains("from 57 laser points of 3 tracks without 3 outliers; DTM minus points"), "{said}");
     let stated = read_item(&at.join("e.tif"), "COARSE_SIGMA_FROM").unwrap().unwrap();
     assert!(stated.contains("57 laser points of 3 tracks"), "{stated}");
+    // 1.2 km of ground are 20 coarse pixels: an offset has the same sign on all.
+    let length_m = errors["coarse_correlation_m"].as_f64().unwrap();
+    let item = |name: &str| read_item(&at.join("e.tif"), name).unwrap().unwrap();
+    assert!((500.0..700.0).contains(&length_m), "{errors}");
+    assert_eq!(item("COARSE_CORRELATION_M").parse::<f64>().unwrap() as f32, length_m as f32);
+    assert_eq!(
+        (errors["coarse_correlation_from"].as_str(), item("COARSE_CORRELATION_FROM").as_str()),
+        (Some("tracks, at least"), "tracks, at least")
+    );
+    assert_eq!(tracks["correlation"]["is_least"], true);
     let options = read_item(&at.join("dtm.tif"), "OPTIONS").unwrap().unwrap();
     assert!(options.contains(" tracks_sha256="), "{options}");
     // What is assumed is far too small; what is found is not.
@@ -92,6 +102,10 @@ fn an_error_that_no_image_shows_is_found_along_tracks() {
 
     let text = made(at, &words(&["predict"], &[]));
     assert!(text.contains("(assumed; --coarse-sigma tells it, --tracks find it)"), "{text}");
+    let item = |name: &str| read_item(&at.join("e.tif"), name).unwrap().unwrap();
+    // Nine coarse pixels.
+    assert!((item("COARSE_CORRELATION_M").parse::<f64>().unwrap() / 59.2253 - 9.0).abs() < 0.01);
+    assert_eq!(item("COARSE_CORRELATION_FROM"), "assumed");
     let assumed = covered("e.tif");
     assert!(with_tracks > 0.9 && assumed < 0.5, "{with_tracks} {assumed}");
 }

@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _grids, _native, _progress
+from . import _grids, _mean, _native, _progress
 from ._errors import Error, InputError, TryAgainError, UsageError, Warning
 from ._grids import Affine, Grid, Path, Place
 from ._progress import Progress
@@ -171,6 +171,33 @@ class Prediction:
     crs: Any
     #: All that ``elunar predict --json`` says.
     record: dict[str, Any] = field(repr=False)
+
+    def mean_height(self, where: Any) -> tuple[float, float]:
+        """Returns the mean height over an area, and the standard deviation that its error is expected to have, metres.
+
+        ``where`` has a sample for each pixel, true inside the area; pixels without a height do not count. Errors of the coarse DTM are alike over
+        ``record["uncertainty"]["coarse_correlation_m"]``, so a mean over a smaller area is hardly surer than one height. Needs ``uncertainty``.
+
+        >>> scene = example(64, 80)
+        >>> made = Model.load("ground").predict(scene.image, scene.coarse, **scene.place, uncertainty=True)
+        >>> row, col = np.ogrid[:64, :80]
+        >>> ellipse = ((row - 30) / 20) ** 2 + ((col - 40) / 30) ** 2 < 1
+        >>> height, sigma = made.mean_height(ellipse)
+        >>> bool(0 < sigma < made.sigma[ellipse].mean())
+        True
+        """
+        if self.sigma is None:
+            raise UsageError("mean_height: a prediction with uncertainty expected, found one without")
+        inside = np.asarray(where)
+        if inside.dtype != np.bool_ or inside.shape != self.valid.shape:
+            raise UsageError(f"where: bool of shape {self.valid.shape} expected, found {inside.dtype} of shape {inside.shape}")
+        inside = inside & self.valid
+        if not inside.any():
+            raise UsageError("where: a pixel with a height expected, none found")
+        heights, sigma = (_grids.array_of(of) for of in (self.heights, self.sigma))
+        pixel_m, errors = self.record["pixel_m"], self.record["uncertainty"]
+        coarse = self.record["coarse_px"] * pixel_m, errors["coarse_sigma_m"], errors["coarse_correlation_m"]
+        return float(heights[inside].mean(dtype="f8")), _mean.sigma_of_mean(sigma, inside, pixel_m, *coarse)
 
 
 @dataclass(frozen=True)

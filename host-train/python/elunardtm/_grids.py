@@ -179,6 +179,11 @@ def like(of: Grid, samples: NDArray[Any], transform: Sequence[float] | None = No
     return _data_array(of, samples, transform, unit)
 
 
+def array_of(result: Any) -> NDArray[Any]:
+    """Returns the samples of what `like` has made."""
+    return np.asarray(result.read(1) if is_dataset(result) else result)
+
+
 def place_of(of: Grid, transform: Sequence[float] | None) -> Affine | None:
     """Returns the transform of a result, in the order of affine.Affine."""
     if transform is None:

@@ -6,7 +6,7 @@ use super::task::Work;
 use super::tracks::{Seen, Tracks};
 use super::write::Found;
 use crate::held::Held;
-use elunar_base::{Error, Result};
+use elunar_base::Result;
 use elunar_net::sun::check_sun;
 use elunar_raster::GeoRef;
 use elunar_scene::predict::Maps;
@@ -52,15 +52,8 @@ pub fn predict(
 ) -> Result<PredictedMaps> {
     let start = Instant::now();
     check_sun(args.inputs.known_sun())?;
-    let mut work = Work::new(args, held, *expected_errors, open)?;
+    let work = Work::new(args, held, *expected_errors, *coarse_pixel_m, open)?;
     let shape = (work.scene.rows, work.scene.cols);
-    if let Some(coarse_pixel_m) = *coarse_pixel_m {
-        work.scene.coarse_px = (coarse_pixel_m / f64::from(work.scene.pixel_m)) as f32;
-        if !(1.0..=f32::MAX).contains(&work.scene.coarse_px) {
-            let what = format!("pixels of {} m at least expected, {coarse_pixel_m} m found", work.scene.pixel_m);
-            return Err(Error::usage(format!("coarse_pixel_size: {what}")));
-        }
-    }
     let mut watch = Watch::new();
     let survey = survey(&work.scene)?;
     let warnings = work.warn(args, &survey, &work.lighting(&survey))?;

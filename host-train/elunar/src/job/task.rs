@@ -37,14 +37,15 @@ pub(super) struct Work {
 }
 
 impl Work {
-    /// Opens model and inputs.
+    /// Opens model and inputs. `coarse_pixel_m` is as [`super::MemoryJob`] has it.
     ///
     /// # Errors
-    /// If one cannot be read, or the model does not say how much an image explains and that is wanted.
+    /// If one cannot be read, the model does not say how much an image explains and that is wanted, or a coarse pixel is smaller than the image's.
     pub(super) fn new(
         args: &Request,
         held: &Held,
         expected_errors: bool,
+        coarse_pixel_m: Option<f64>,
         open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>,
     ) -> Result<Self> {
         let model = open(&args.model)?;
@@ -54,7 +55,14 @@ impl Work {
                 "--uncertainty: a model of weighed maps expected; this one does not say how much an image explains",
             ));
         }
-        let Opened { scene, sun, image } = args.inputs.open(held)?;
+        let Opened { mut scene, sun, image } = args.inputs.open(held)?;
+        if let Some(coarse_pixel_m) = coarse_pixel_m {
+            scene.coarse_px = (coarse_pixel_m / f64::from(scene.pixel_m)) as f32;
+            if !(1.0..=f32::MAX).contains(&scene.coarse_px) {
+                let what = format!("pixels of {} m at least expected, {coarse_pixel_m} m found", scene.pixel_m);
+                return Err(Error::usage(format!("coarse_pixel_size: {what}")));
+            }
+        }
         let time = args.inputs.time.or(image.source.info().sun.time);
         let is_tracked = expected_errors && !args.tracks.is_empty();
         let tracks = is_tracked.then(|| Tracks::open(&args.tracks, &scene, &image.name)).transpose()?;
@@ -127,7 +135,7 @@ impl Task {
     /// # Errors
     /// As [`Work::new`].
     pub(super) fn new(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileModel>>) -> Result<Self> {
-        let work = Work::new(args, &Held::default(), args.uncertainty.is_some(), open)?;
+        let work = Work::new(args, &Held::default(), args.uncertainty.is_some(), None, open)?;
         let identity = identity(args, &work.options, &work.model.description())?;
         say::detail(&format!("model: {}", work.model.description()));
         say::detail(&format!("options: {}", identity.options));

@@ -19,6 +19,7 @@ pub(super) struct Tracks {
     name: String,
     spots: Vec<Spot>,
     cols: usize,
+    coarse_pixel_m: f32,
 }
 
 /// A laser spot inside the image.
@@ -51,7 +52,8 @@ impl Tracks {
             }
         }
         let names: Vec<String> = tables.iter().map(|path| path.display().to_string()).collect();
-        let tracks = Self { name: names.join(", "), spots, cols: scene.cols };
+        let coarse_pixel_m = scene.coarse_px * scene.pixel_m;
+        let tracks = Self { name: names.join(", "), spots, cols: scene.cols, coarse_pixel_m };
         let covered = Covered::of(tracks.spots.iter().map(|spot| (spot.track, spot.cell)));
         if covered.is_enough() { Ok(tracks) } else { Err(tracks.too_few(covered, "inside the image")) }
     }
@@ -118,6 +120,7 @@ impl Seen<'_> {
         };
         let errors: Vec<SpotError> = self.tracks.spots.iter().zip(&self.patches).filter_map(error).collect();
         let too_few = |covered| self.tracks.too_few(covered, "on heights of the DTM, gross errors left out,");
-        along_tracks(&errors).map(CoarseSigma::from).map_err(too_few)
+        let found = along_tracks(&errors).map_err(too_few)?;
+        Ok(CoarseSigma::found(found, self.tracks.coarse_pixel_m))
     }
 }

@@ -109,7 +109,7 @@ pub(super) fn end(
     found.phases.write_s += watch.lap_s();
     found.warn_of_heights(args, work, &finished);
     let mut text = summary(&args.output, &work.scene, &finished, tally) + &of_light;
-    if let (Some((path, CoarseSigma { sigma_m, from })), Some(origins)) = (errors, &finished.origins) {
+    if let (Some((path, CoarseSigma { sigma_m, correlation_m, from })), Some(origins)) = (errors, &finished.origins) {
         let said = match from {
             SigmaFrom::Told => "as told".into(),
             SigmaFrom::Assumed => "assumed; --coarse-sigma tells it, --tracks find it".into(),
@@ -117,7 +117,7 @@ pub(super) fn end(
         };
         let origins = origins_text(origins);
         text += &format!(
-            "\nheights: {origins}\n{}: expected errors, the coarse DTM's own {sigma_m:.2} m ({said})",
+            "\nheights: {origins}\n{}: expected errors, the coarse DTM's own {sigma_m:.2} m ({said}), alike over {correlation_m:.0} m",
             path.display()
         );
     }

@@ -40,7 +40,9 @@ impl ErrorsWriter {
             .with_band("expected standard deviation of the slope's error along either axis, metres per metre", None)
             .with_band(origins, None)
             .with_item("COARSE_SIGMA_M", format!("{}", coarse_sigma.sigma_m))
-            .with_item("COARSE_SIGMA_FROM", coarse_sigma.from.to_string());
+            .with_item("COARSE_SIGMA_FROM", coarse_sigma.from.to_string())
+            .with_item("COARSE_CORRELATION_M", format!("{}", coarse_sigma.correlation_m))
+            .with_item("COARSE_CORRELATION_FROM", coarse_sigma.correlation_from());
         let options = from.items().into_iter().fold(options, |options, (name, text)| options.with_item(name, text));
         let file = Writer::create(output, rows, cols, Some(georef), &options)?;
         let is_identified = from.identity.is_some();

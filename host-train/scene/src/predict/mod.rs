@@ -4,6 +4,7 @@
 //! [`network::TileModel`] on them and joins the heights, one band of rows at a time. [`PartFile`] keeps finished rows on disk. [`int8`] is the
 //! network of a model file.
 
+pub mod correlation;
 pub mod errors;
 pub mod identity;
 pub mod int8;

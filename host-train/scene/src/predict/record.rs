@@ -84,6 +84,10 @@ pub struct ErrorsRecord {
     pub coarse_sigma_m: f32,
     /// Who says so: `told`, `assumed` or `tracks`.
     pub coarse_sigma_from: &'static str,
+    /// Correlation length of its errors, metres: they have a covariance of sigma^2 exp(-distance / length).
+    pub coarse_correlation_m: f32,
+    /// Who says so: `assumed`, `tracks`, or `tracks, at least`.
+    pub coarse_correlation_from: &'static str,
     /// What was found along laser altimeter tracks, if they say so.
     pub tracks: Option<TrackSigma>,
     /// Heights that the image explains.
@@ -99,14 +103,16 @@ pub struct ErrorsRecord {
 impl ErrorsRecord {
     /// Makes the record of a file with these origins of heights.
     #[must_use]
-    pub fn new(file: &std::path::Path, CoarseSigma { sigma_m, from }: CoarseSigma, origins: &Origins) -> Self {
+    pub fn new(file: &std::path::Path, sigma: CoarseSigma, origins: &Origins) -> Self {
         let [pixels_from_image, pixels_blended, pixels_from_coarse, pixels_in_shadow, _] = *origins;
         let file = file.display().to_string();
         Self {
             file,
-            coarse_sigma_m: sigma_m,
-            coarse_sigma_from: from.word(),
-            tracks: from.tracks(),
+            coarse_sigma_m: sigma.sigma_m,
+            coarse_sigma_from: sigma.from.word(),
+            coarse_correlation_m: sigma.correlation_m,
+            coarse_correlation_from: sigma.correlation_from(),
+            tracks: sigma.from.tracks(),
             pixels_from_image,
             pixels_blended,
             pixels_from_coarse,

@@ -4,6 +4,7 @@
 //! compared, not the coarse DTM: a coarse height is a mean over a coarse pixel, a laser spot is not, and the DTM has the relief inside a coarse
 //! pixel. With the coarse DTM itself fewer scenes have the right shares (`host-train/suites/estimates.py OUT sigma`: `without relief`).
 
+use super::correlation::{TrackLength, along, assumed_correlation_m};
 use elunar_base::quantile::quantile;
 use serde::Serialize;
 use std::collections::{BTreeMap, BTreeSet};
@@ -28,11 +29,13 @@ const LEAST_OUTLIER_M: f64 = 1.0;
 /// A median absolute deviation of a Gaussian times this is its standard deviation.
 const MAD_TO_SD: f64 = 1.4826;
 
-/// Standard deviation of the coarse DTM's own heights, and who says so.
+/// Standard deviation of the coarse DTM's own heights, how far apart they err alike, and who says so.
 #[derive(Debug, Clone, Copy, PartialEq)]
 pub struct CoarseSigma {
     /// The standard deviation, metres.
     pub sigma_m: f32,
+    /// Correlation length of its errors, metres ([`super::correlation`]).
+    pub correlation_m: f32,
     /// Who says so.
     pub from: SigmaFrom,
 }
@@ -67,6 +70,8 @@ pub struct TrackSigma {
     pub mean_m: f64,
     /// Its standard deviation, metres.
     pub mean_sd_m: f64,
+    /// Correlation length of the coarse DTM's own errors; `None` if the tracks are too short to tell.
+    pub correlation: Option<TrackLength>,
 }
 
 /// A DTM at a laser spot.
@@ -86,16 +91,29 @@ impl CoarseSigma {
     /// Returns what is told or, without that, assumed for the size of the coarse DTM's pixels.
     #[must_use]
     pub fn told_or_assumed(told_m: Option<f32>, coarse_pixel_m: f32) -> Self {
+        let correlation_m = assumed_correlation_m(coarse_pixel_m);
         match told_m {
-            Some(sigma_m) => Self { sigma_m, from: SigmaFrom::Told },
-            None => Self { sigma_m: assumed_sigma_m(coarse_pixel_m), from: SigmaFrom::Assumed },
+            Some(sigma_m) => Self { sigma_m, correlation_m, from: SigmaFrom::Told },
+            None => Self { sigma_m: assumed_sigma_m(coarse_pixel_m), correlation_m, from: SigmaFrom::Assumed },
         }
     }
-}
 
-impl From<TrackSigma> for CoarseSigma {
-    fn from(found: TrackSigma) -> Self {
-        Self { sigma_m: found.sigma_m as f32, from: SigmaFrom::Tracks(found) }
+    /// Returns what is found along tracks, for the size of the coarse DTM's pixels.
+    #[must_use]
+    pub fn found(found: TrackSigma, coarse_pixel_m: f32) -> Self {
+        let length_m = |length: TrackLength| (length.length_px * f64::from(coarse_pixel_m)) as f32;
+        let correlation_m = found.correlation.map_or_else(|| assumed_correlation_m(coarse_pixel_m), length_m);
+        Self { sigma_m: found.sigma_m as f32, correlation_m, from: SigmaFrom::Tracks(found) }
+    }
+
+    /// Returns who says how long the correlation length is.
+    #[must_use]
+    pub fn correlation_from(&self) -> &'static str {
+        match self.from.tracks().and_then(|found| found.correlation) {
+            Some(TrackLength { is_least: true, .. }) => "tracks, at least",
+            Some(_) => "tracks",
+            None => "assumed",
+        }
     }
 }
 
@@ -191,6 +209,7 @@ pub fn along_tracks(spots: &[SpotError]) -> std::result::Result<TrackSigma, Cove
         sigma_high_m: root(square + square_sd),
         mean_m,
         mean_sd_m,
+        correlation: along(used.iter().map(|spot| ((spot.track, spot.cell), spot.error_m)), square),
     })
 }
 
@@ -284,9 +303,25 @@ mod tests {
     }
 
     #[test]
+    fn a_length_is_assumed_unless_tracks_tell_it() {
+        let found = along_tracks(&spots(4, 3.0)).unwrap();
+        let with = |correlation| CoarseSigma::found(TrackSigma { correlation, ..found }, 50.0);
+        let length = |is_least| Some(TrackLength { length_px: 4.0, is_least });
+        for (sigma, expected) in [
+            (with(None), (450.0, "assumed")),
+            (with(length(false)), (200.0, "tracks")),
+            (with(length(true)), (200.0, "tracks, at least")),
+            (CoarseSigma::told_or_assumed(Some(2.0), 50.0), (450.0, "assumed")),
+            (CoarseSigma::told_or_assumed(None, 50.0), (450.0, "assumed")),
+        ] {
+            assert_eq!((sigma.correlation_m, sigma.correlation_from()), expected);
+        }
+    }
+
+    #[test]
     fn the_origin_is_said_in_one_line() {
         let found = along_tracks(&spots(4, 3.0)).unwrap();
-        let text = CoarseSigma::from(found).from.to_string();
+        let text = CoarseSigma::found(found, 59.2).from.to_string();
         assert!(text.contains(" m, from 120 laser points of 4 tracks; DTM minus points "), "{text}");
         let said = [Some(2.0), None].map(|told| CoarseSigma::told_or_assumed(told, 59.2).from.to_string());
         assert_eq!(said, ["told", "assumed"]);
