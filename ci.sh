@@ -10,7 +10,7 @@ set -euo pipefail
 cd "$(dirname "$0")"
 
 # The steps: each is a function below.
-everything=(format lint supply book test python page no_std checked asan branches boards miri backends vulkan cluster coverage)
+everything=(format lint supply book test python page no_std coverage asan branches boards miri backends vulkan cluster)
 on_request=(architecture order fuzz no_panic outcomes) # `test` has the first, the others take longest
 
 target="${CARGO_TARGET_DIR:-$PWD/target}"
@@ -163,26 +163,15 @@ order() {
     done
 }
 
-# The runner's own tests once more with overflow checks, which its development profile leaves out for speed: its integers must not
-# overflow on any legal model. A setting, not a profile of its own, so that what it depends on is not compiled again.
-checked() {
-    local core="profile.dev.package.elunar-core"
-    cargo test --locked --package elunar-core --config "$core.overflow-checks=true" --config "$core.debug-assertions=true" --config "$core.opt-level=2"
-}
-
 # No branch of the network's steps follows the data: Valgrind reports each that does. Two minutes of one processor.
 branches() {
     tests/branches/run.sh
 }
 
-# What the tests of core reach of its own source: lines and branches, which may not fall. The limits were recorded with kernels for AMX, which reach
-# a little more. `tests/coverage.sh` also compares C interface and rasters: 15 minutes more.
+# What the tests of core, C interface and rasters reach of their own source: lines and branches, which may not fall. Core's run once more with
+# overflow checks, which its development profile leaves out for speed: its integers must not overflow on any legal model.
 coverage() {
-    if ! grep -q amx_int8 /proc/cpuinfo; then
-        echo "SKIPPED: coverage: this processor has no AMX (tests/coverage.sh compares all the same)"
-        return
-    fi
-    tests/coverage.sh elunar-core
+    tests/coverage.sh
 }
 
 # Arbitrary models and calls of the C interface under AddressSanitizer, which the pinned compiler has, but calls unstable.

@@ -51,12 +51,17 @@ for package in "${packages[@]}"; do
     # Cargo tells builds of the repository's crates apart by their wrapper's path, and shares all others with `cargo test`.
     ln -s "$root/tests/coverage.sh" "$made/rustc"
     export COVERAGE_OF="$package" RUSTC_WORKSPACE_WRAPPER="$made/rustc"
+    # Core has these checks here alone: a setting, not a profile of its own, so that what it depends on is not compiled again.
+    checks=()
+    for check in overflow-checks debug-assertions; do
+        [ "$package" != elunar-core ] || checks+=(--config "profile.dev.package.elunar-core.$check=true")
+    done
     export LLVM_PROFILE_FILE="$made/%p-%m.profraw"
     # The programs have the map of the source, each run adds its counts.
-    cargo test --locked --package "$package" --lib --bins --tests --no-run --message-format=json |
+    cargo test --locked "${checks[@]}" --package "$package" --lib --bins --tests --no-run --message-format=json |
         sed -n 's/.*"executable":"\([^"]*\)".*/\1/p' >"$made/programs"
     find "$made" -name '*.profraw' -delete # of build scripts
-    cargo test --locked --package "$package" --quiet >"$made/log" 2>&1 || { cat "$made/log"; exit 1; }
+    cargo test --locked "${checks[@]}" --package "$package" --quiet >"$made/log" 2>&1 || { cat "$made/log"; exit 1; }
     "$profdata" merge --sparse --failure-mode=all "$made"/*.profraw -o "$made/merged.profdata"
     # Each program by itself: of functions with one name in several programs, llvm-cov keeps one.
     while read -r program; do
