@@ -61,6 +61,7 @@ impl Isa for Avx2 {
     fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // SAFETY: as above.
         unsafe { requantise::run(requantise, bytes, acc, target) }
+            .unwrap_or_else(|| requantise.portable(bytes, acc, target))
     }
 }
 

@@ -49,6 +49,7 @@ impl Isa for AvxVnni {
     fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
         // SAFETY: as above.
         unsafe { x86_avx2::requantise::run(requantise, bytes, acc, target) }
+            .unwrap_or_else(|| requantise.portable(bytes, acc, target))
     }
 }
 

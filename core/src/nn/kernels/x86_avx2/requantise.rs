@@ -4,7 +4,7 @@
 //! for every vector of 8 channels of the panel, for every pixel:
 //!     even, odd = (acc + bias) * multiplier + half      64-bit products of every second lane; half contains the zero code
 //!     [       += (added << its shift) * its multiplier]
-//!     v = the upper halves of both, side by side, >> (shift - 32)
+//!     v = the upper halves of both, side by side, >> (shift - 32); below 32 both >> shift and cut to 31 bits
 //!     cut v to the codes; count what is outside the limits; [look up]; store 8 bytes [and 8 high bytes]
 //! ```
 
@@ -17,6 +17,8 @@ use core::arch::x86_64::*;
 
 const LANES: usize = 8;
 
+/// Returns how many results were cut; `None`, without a change, for what [`Requantise::portable`] must compute.
+///
 /// # Safety
 /// The processor has AVX2.
 #[inline(always)]
@@ -25,19 +27,25 @@ pub(in crate::nn::kernels) unsafe fn run(
     bytes: &mut [u8],
     acc: &Accumulators,
     target: &Target,
-) -> u64 {
-    let Some(job) = Job::new(requantise, bytes, acc, target) else { return requantise.portable(bytes, acc, target) };
-    let wide = requantise.out.dtype == Dtype::I16;
+) -> Option<u64> {
+    let job = Job::new(requantise, bytes, acc, target)?;
+    let (long, wide) = (requantise.shift < 32, requantise.out.dtype == Dtype::I16);
     // SAFETY: guaranteed by the caller; `Job::new` has bounded every read and write.
     unsafe {
-        match (requantise.add.map(|add| add.dtype), wide) {
-            (None, false) => pixels::<0, false>(&job),
-            (None, true) => pixels::<0, true>(&job),
-            (Some(Dtype::U8), false) => pixels::<1, false>(&job),
-            (Some(Dtype::U8), true) => pixels::<1, true>(&job),
-            (_, false) => pixels::<2, false>(&job),
-            (_, true) => pixels::<2, true>(&job),
-        }
+        Some(match (requantise.add.map(|add| add.dtype), long, wide) {
+            (None, false, false) => pixels::<0, false, false>(&job),
+            (None, false, true) => pixels::<0, false, true>(&job),
+            (None, true, false) => pixels::<0, true, false>(&job),
+            (None, true, true) => pixels::<0, true, true>(&job),
+            (Some(Dtype::U8), false, false) => pixels::<1, false, false>(&job),
+            (Some(Dtype::U8), false, true) => pixels::<1, false, true>(&job),
+            (Some(Dtype::U8), true, false) => pixels::<1, true, false>(&job),
+            (Some(Dtype::U8), true, true) => pixels::<1, true, true>(&job),
+            (_, false, false) => pixels::<2, false, false>(&job),
+            (_, false, true) => pixels::<2, false, true>(&job),
+            (_, true, false) => pixels::<2, true, false>(&job),
+            (_, true, true) => pixels::<2, true, true>(&job),
+        })
     }
 }
 
@@ -70,24 +78,28 @@ impl<'a> Job<'a> {
         // With a shift of up to 53, the zero code can be added before the shift to sums of 2^61, added products of 2^60 and half.
         let fits = channels <= requantise.width.min(PANEL)
             && target.pixels * requantise.width <= ACCUMULATORS
-            && (32..=53).contains(&requantise.shift)
+            && (1..=53).contains(&requantise.shift)
             && (table.is_none() || requantise.out.dtype == Dtype::U8);
         let (acc, pixels) = (acc.as_ptr(), target.pixels);
         fits.then_some(Self { requantise, table, acc, bytes: bytes.as_mut_ptr(), pixels, to, added })
     }
 }
 
-/// Rounds all pixels; returns how many results were cut. `ADD` is the number of bytes of an added sample. With `WIDE` codes have two bytes.
+/// Rounds all pixels; returns how many results were cut. `ADD` is the number of bytes of an added sample. With `LONG` the shift
+/// is below 32. With `WIDE` codes have two bytes.
 ///
 /// # Safety
 /// The processor has AVX2; [`Job::new`].
 #[target_feature(enable = "avx2")]
-unsafe fn pixels<const ADD: u8, const WIDE: bool>(job: &Job<'_>) -> u64 {
+unsafe fn pixels<const ADD: u8, const LONG: bool, const WIDE: bool>(job: &Job<'_>) -> u64 {
     let r = job.requantise;
-    let half = _mm256_set1_epi64x(r.half + (r.zero << r.shift));
+    // Sums are below 2^62: with that added, a logical shift serves as an arithmetic one, which AVX2 does not have for 64 bits.
+    let offset = if LONG { 1i64 << 62 } else { 0 };
+    let half = _mm256_set1_epi64x(r.half + (r.zero << r.shift) + offset);
+    let offset = _mm256_set1_epi64x(offset >> r.shift);
     let (lo, hi) = (_mm256_set1_epi32(narrow(r.lo)), _mm256_set1_epi32(narrow(r.hi)));
     let (floor, ceiling) = (_mm256_set1_epi32(narrow(r.floor)), _mm256_set1_epi32(narrow(r.ceiling)));
-    let (shift, add_shift) = (_mm_cvtsi32_si128(r.shift as i32 - 32), _mm_cvtsi32_si128(r.add_shift as i32 & 31));
+    let (shift, add_shift) = (_mm_cvtsi32_si128(r.shift as i32 & 31), _mm_cvtsi32_si128(r.add_shift as i32 & 31));
     let (add_zero, add_plane) = r.add.as_ref().map_or((0, 0), |t| (t.zero, t.plane_bytes()));
     let add_zero = _mm256_set1_epi32(if ADD == 1 { add_zero } else { 128 << 8 });
     let out_plane = r.out.plane_bytes();
@@ -118,8 +130,14 @@ unsafe fn pixels<const ADD: u8, const WIDE: bool>(job: &Job<'_>) -> u64 {
                     high = _mm256_add_epi64(high, _mm256_mul_epi32(_mm256_srli_epi64::<32>(x), add_odd));
                     from = from.wrapping_add(job.added.1);
                 }
-                let v = _mm256_blend_epi32::<0b1010_1010>(_mm256_srli_epi64::<32>(low), high);
-                let v = _mm256_sra_epi32(v, shift);
+                let v = if LONG {
+                    let low = limit(_mm256_sub_epi64(_mm256_srl_epi64(low, shift), offset));
+                    let high = limit(_mm256_sub_epi64(_mm256_srl_epi64(high, shift), offset));
+                    _mm256_blend_epi32::<0b1010_1010>(low, _mm256_slli_epi64::<32>(high))
+                } else {
+                    let v = _mm256_blend_epi32::<0b1010_1010>(_mm256_srli_epi64::<32>(low), high);
+                    _mm256_sra_epi32(v, shift)
+                };
                 cuts = _mm256_sub_epi32(cuts, _mm256_cmpgt_epi32(v, ceiling));
                 cuts = _mm256_sub_epi32(cuts, _mm256_cmpgt_epi32(floor, v));
                 let codes = split(_mm256_min_epi32(_mm256_max_epi32(v, lo), hi));
@@ -141,6 +159,15 @@ unsafe fn pixels<const ADD: u8, const WIDE: bool>(job: &Job<'_>) -> u64 {
         }
     }
     cut
+}
+
+/// Cuts numbers to 31 bits, far beyond any code.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn limit(v: __m256i) -> __m256i {
+    let (top, bottom) = (_mm256_set1_epi64x(1 << 30), _mm256_set1_epi64x(-(1 << 30)));
+    let v = _mm256_blendv_epi8(v, top, _mm256_cmpgt_epi64(v, top));
+    _mm256_blendv_epi8(v, bottom, _mm256_cmpgt_epi64(bottom, v))
 }
 
 /// Returns the low bytes of eight codes, then their high bytes plus 128.
