@@ -301,7 +301,7 @@ impl Requantise<'_> {
 
 /// Clamps a limit to the range of i32, which no code exceeds.
 #[inline(always)]
-fn narrow(limit: i64) -> i32 {
+pub(crate) fn narrow(limit: i64) -> i32 {
     limit_wide(limit, i32::MIN as i64, i32::MAX as i64) as i32
 }
 

@@ -15,6 +15,9 @@
 // Functions that are called instead of inlined would keep the sums in memory, so these are plain loops.
 #![allow(clippy::needless_range_loop)]
 
+pub(super) mod requantise;
+
+use super::requantise::{Requantise, Target};
 use super::{Accumulators, Isa, Patch};
 use core::arch::x86_64::*;
 use core::mem::MaybeUninit;
@@ -52,6 +55,13 @@ impl Isa for Avx2 {
     ) {
         // SAFETY: as above.
         unsafe { product::<false>(acc, pixels, patch, weights, width) }
+    }
+
+    #[inline(always)]
+    fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        // SAFETY: as above.
+        unsafe { requantise::run(requantise, bytes, acc, target) }
+            .unwrap_or_else(|| requantise.portable(bytes, acc, target))
     }
 }
 

@@ -12,7 +12,8 @@
 // Functions that are called instead of inlined would keep the sums in memory, so these are plain loops.
 #![allow(clippy::needless_range_loop)]
 
-use super::{Accumulators, Isa, Patch};
+use super::requantise::{Requantise, Target};
+use super::{Accumulators, Isa, Patch, x86_avx2};
 use core::arch::x86_64::*;
 
 /// AVX2 and AVX-VNNI.
@@ -42,6 +43,13 @@ impl Isa for AvxVnni {
     ) {
         // SAFETY: as above.
         unsafe { product::<false>(acc, pixels, patch, weights, width) }
+    }
+
+    #[inline(always)]
+    fn requantise(requantise: &Requantise<'_>, bytes: &mut [u8], acc: &Accumulators, target: &Target) -> u64 {
+        // SAFETY: as above.
+        unsafe { x86_avx2::requantise::run(requantise, bytes, acc, target) }
+            .unwrap_or_else(|| requantise.portable(bytes, acc, target))
     }
 }
 

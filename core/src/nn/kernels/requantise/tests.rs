@@ -1,4 +1,4 @@
-//! The form for processors without vectors against the portable one: this host runs only the latter in a model.
+//! The forms for processors without vectors and for AVX2 against the portable one.
 
 use super::*;
 use crate::nn::tests::Random;
@@ -11,6 +11,19 @@ fn tensor(r: &mut Random, dtype: Dtype, channels: usize, offset: usize) -> Tenso
     let margin = r.size(0, 2);
     let t = Tensor { zero, lo, hi, margin, offset, ..Tensor::new(dtype, (ROWS, COLS), channels) };
     Tensor { pitch: t.row_bytes() + 5, ..t }
+}
+
+/// Returns the bytes and cuts of the form for AVX2; `None` if this processor does not have it.
+#[allow(unsafe_code)]
+#[cfg(target_arch = "x86_64")]
+fn by_avx2(requantise: &Requantise<'_>, acc: &Accumulators, target: &Target, mut bytes: Vec<u8>) -> Option<Vec<u8>> {
+    if !std::arch::is_x86_feature_detected!("avx2") {
+        return None;
+    }
+    // SAFETY: the processor has the instructions.
+    let cut = unsafe { crate::nn::kernels::x86_avx2::requantise::run(requantise, &mut bytes, acc, target) };
+    bytes.extend(cut.expect("the form computes every operator of this test").to_le_bytes());
+    Some(bytes)
 }
 
 #[test]
@@ -58,10 +71,17 @@ fn channel_by_channel_gives_the_portable_bytes_and_cuts() {
             pixels,
         };
         let before = r.bytes(8000);
+        #[cfg(target_arch = "x86_64")]
+        let by_avx2 = by_avx2(&requantise, &acc, &target, before.clone());
         let (mut portable, mut by_channels) = (before.clone(), before);
         let expected = requantise.portable(&mut portable, &acc, &target);
         assert_eq!(requantise.by_channels(&mut by_channels, &acc, &target), expected, "cuts, seed {seed}");
         assert!(portable == by_channels, "seed {seed}");
+        #[cfg(target_arch = "x86_64")]
+        if let Some(by_avx2) = by_avx2 {
+            portable.extend(expected.to_le_bytes());
+            assert!(portable == by_avx2, "AVX2, seed {seed}: shift {shift}, {channels} channels");
+        }
         cuts += expected;
         let of = match add_type {
             None => 0,
