@@ -83,11 +83,7 @@ fn channel_by_channel_gives_the_portable_bytes_and_cuts() {
             assert!(portable == by_avx2, "AVX2, seed {seed}: shift {shift}, {channels} channels");
         }
         cuts += expected;
-        let of = match add_type {
-            None => 0,
-            Some(Dtype::U8) => 1,
-            _ => 2,
-        };
+        let of = add_type.map_or(0, Dtype::bytes);
         kinds[2 * of + (out_type == Dtype::I16) as usize] += (shift >= 32) as u32;
     }
     assert!(cuts > 0 && kinds.iter().all(|count| *count > 20), "{cuts} cut, {kinds:?} of each kind");

@@ -130,14 +130,7 @@ unsafe fn pixels<const ADD: u8, const LONG: bool, const WIDE: bool>(job: &Job<'_
                     high = _mm256_add_epi64(high, _mm256_mul_epi32(_mm256_srli_epi64::<32>(x), add_odd));
                     from = from.wrapping_add(job.added.1);
                 }
-                let v = if LONG {
-                    let low = limit(_mm256_sub_epi64(_mm256_srl_epi64(low, shift), offset));
-                    let high = limit(_mm256_sub_epi64(_mm256_srl_epi64(high, shift), offset));
-                    _mm256_blend_epi32::<0b1010_1010>(low, _mm256_slli_epi64::<32>(high))
-                } else {
-                    let v = _mm256_blend_epi32::<0b1010_1010>(_mm256_srli_epi64::<32>(low), high);
-                    _mm256_sra_epi32(v, shift)
-                };
+                let v = shifted::<LONG>(low, high, shift, offset);
                 cuts = _mm256_sub_epi32(cuts, _mm256_cmpgt_epi32(v, ceiling));
                 cuts = _mm256_sub_epi32(cuts, _mm256_cmpgt_epi32(floor, v));
                 let codes = split(_mm256_min_epi32(_mm256_max_epi32(v, lo), hi));
@@ -159,6 +152,19 @@ unsafe fn pixels<const ADD: u8, const LONG: bool, const WIDE: bool>(job: &Job<'_
         }
     }
     cut
+}
+
+/// Returns the numbers of even and odd lanes, shifted, side by side. With `LONG` they contain what `offset` is after the shift; else the shift is 32
+/// more.
+#[inline]
+#[target_feature(enable = "avx2")]
+fn shifted<const LONG: bool>(low: __m256i, high: __m256i, shift: __m128i, offset: __m256i) -> __m256i {
+    if LONG {
+        let low = limit(_mm256_sub_epi64(_mm256_srl_epi64(low, shift), offset));
+        let high = limit(_mm256_sub_epi64(_mm256_srl_epi64(high, shift), offset));
+        return _mm256_blend_epi32::<0b1010_1010>(low, _mm256_slli_epi64::<32>(high));
+    }
+    _mm256_sra_epi32(_mm256_blend_epi32::<0b1010_1010>(_mm256_srli_epi64::<32>(low), high), shift)
 }
 
 /// Cuts numbers to 31 bits, far beyond any code.
