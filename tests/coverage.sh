@@ -16,7 +16,7 @@ set -euo pipefail
 # As a wrapper of rustc: cargo calls this file for the crates of this repository alone. The package that is measured counts; the others run as fast
 # as ever.
 if [ -n "${COVERAGE_OF:-}" ]; then
-    [ "${CARGO_PKG_NAME:-}" = "$COVERAGE_OF" ] || exec "$@"
+    [[ " $COVERAGE_OF " == *" ${CARGO_PKG_NAME:-none} "* ]] || exec "$@"
     RUSTC_BOOTSTRAP=1 exec "$@" -C instrument-coverage -Z coverage-options=branch
 fi
 
@@ -48,9 +48,11 @@ export PROPTEST_RNG_SEED=1 PROPTEST_DISABLE_FAILURE_PERSISTENCE=true ELUNAR_SHAR
 for package in "${packages[@]}"; do
     made="$target/$package"
     rm -rf "$made" && mkdir -p "$made"
-    # Cargo tells builds of the repository's crates apart by their wrapper's path, and shares all others with `cargo test`.
-    ln -s "$root/tests/coverage.sh" "$made/rustc"
-    export COVERAGE_OF="$package" RUSTC_WORKSPACE_WRAPPER="$made/rustc"
+    # Cargo tells builds of the repository's crates apart by their wrapper's path, and shares all others with `cargo test`. C interface and rasters
+    # stand on the same crates, so these are built once for both.
+    if [ "$package" = elunar-core ]; then export COVERAGE_OF="$package"; else export COVERAGE_OF="elunar-capi elunar-raster"; fi
+    export RUSTC_WORKSPACE_WRAPPER="$target/rustc-${COVERAGE_OF// /-}"
+    ln -sf "$root/tests/coverage.sh" "$RUSTC_WORKSPACE_WRAPPER"
     # Core has these checks here alone: a setting, not a profile of its own, so that what it depends on is not compiled again.
     checks=()
     for check in overflow-checks debug-assertions; do
