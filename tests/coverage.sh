@@ -22,7 +22,7 @@ fi
 
 cd "$(dirname "$0")/.."
 root="$PWD"
-target="${CARGO_TARGET_DIR:-$root/target}/coverage"
+target="$(realpath -m "${CARGO_TARGET_DIR:-$root/target}")/coverage"
 options=() packages=()
 for word in "$@"; do
     case "$word" in --*) options+=("$word") ;; *) packages+=("$word") ;; esac
@@ -37,7 +37,7 @@ tool() {
     if [ -x "$own" ]; then echo "$own"; else command -v "$1-$major"; fi
 }
 if ! profdata="$(tool llvm-profdata)" || ! cov="$(tool llvm-cov)"; then
-    echo "SKIPPED: coverage: no llvm-cov of the compiler's LLVM (rustup component add llvm-tools)"
+    echo "SKIPPED: coverage, and the overflow checks of core: no llvm-cov of the compiler's LLVM (rustup component add llvm-tools)"
     exit 0
 fi
 
