@@ -22,8 +22,9 @@ const GUARD: usize = 16;
 const GUARD_WORD: u64 = 0xc3c3_c3c3_c3c3_c3c3;
 /// Most bytes of lent memory.
 const LARGEST: u64 = 1 << 21;
-/// Most columns of a line.
+/// Most columns of a line, and of a row of posts.
 const COLS: usize = 40;
+const POST_COLS: usize = 4;
 /// Bytes of a slot and of a sector.
 const SLOT: usize = 1 << 17;
 const SECTOR: usize = 4096;
@@ -209,7 +210,7 @@ fn strip_settings(
         sun_elevation_deg: 30.0,
         network_alone,
         expected_errors,
-        post_cols: u32::from(reader.byte()) % 5,
+        post_cols: u32::from(reader.byte()) % (POST_COLS as u32 + 1),
         processor_checks: u32::from(reader.byte() == 0),
         post_row0: 1.0,
         post_rows_per_line: 0.125,
@@ -285,7 +286,8 @@ fn strip(reader: &mut Reader<'_>, tally: &mut Tally) {
     let handle = make_strip(&mut room, bytes as usize, file, &settings, tally);
     let cols = settings.cols as usize;
     let pixel_bytes = [4, 1, 2, 2, 2][settings.pixels.format as usize % 5];
-    let (mut floats, mut origins, mut line) = (vec![0f32; 3 * cols], vec![0u8; cols], 0);
+    // A row of posts may have more columns than a line.
+    let (mut floats, mut origins, mut line) = (vec![0f32; 3 * cols.max(POST_COLS)], vec![0u8; cols], 0);
     while !reader.0.is_empty() {
         let (how, noise) = (reader.byte(), reader.byte());
         let pixels: Vec<u8> =
