@@ -1,7 +1,7 @@
 //! What every crate on the ground needs. [`Error`] is the error type of all of them. [`mod@read`] opens inputs, and [`output`] writes outputs.
 //! [`table`] reads and writes tables. [`digest`] identifies files and jobs, and [`quantile`] has medians and percentiles. [`interrupt`] says
 //! whether the user has asked to stop, [`mod@say`] is what programs say besides their results, [`progress`] shows how far a run is, and a
-//! [`caller`] in this process hears both. [`memory`] marks allocations that may fail.
+//! [`caller`] in this process hears both. [`memory`] marks allocations that may fail. [`rounds`] works on several items at a time.
 
 pub mod caller;
 pub mod digest;
@@ -13,6 +13,7 @@ pub mod output;
 pub mod progress;
 pub mod quantile;
 pub mod read;
+pub mod rounds;
 pub mod say;
 pub mod table;
 

@@ -3,7 +3,7 @@
 use super::COMMAND;
 use crate::config::Configuration;
 use crate::inner::check_inner;
-use elunar_base::output::{Owner, check_names};
+use elunar_base::output::{Owner, check_names, settle};
 use elunar_base::{Error, Result, atomic_write, read};
 use elunar_learn::model::backend::Backend;
 use elunar_learn::model::init::initial_weights;
@@ -125,6 +125,7 @@ fn finished(folder: &Path) -> Result<Option<Trained>> {
     if !path.exists() {
         return Ok(None);
     }
+    settle(&path)?;
     let text = read::bytes(&path, read::MOST_BYTES)?;
     serde_json::from_slice(&text).map(Some).map_err(|e| Error::broken(&path, format!("finished experiment: {e}")))
 }

@@ -22,4 +22,4 @@ pub use part::{PartFile, part_path};
 pub use record::host_name;
 pub use target::check_target;
 pub(crate) use target::kind_of;
-pub use whole::{Staged, atomic_write};
+pub use whole::{Staged, atomic_write, settle};

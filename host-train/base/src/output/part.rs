@@ -95,8 +95,8 @@ impl PartFile {
         sync_folder(&self.path)
     }
 
-    /// Removes the rows of the same job at `path`, or a file that a run began and a kill or cut left without a whole header, once the names of that
-    /// folder are on disk.
+    /// Removes the rows of the same job at `path`, or a file that a run began and a kill or cut left without a whole header. What was made
+    /// of the rows must be on disk ([`super::settle`]).
     ///
     /// # Errors
     /// [`Error::Io`] if they cannot be removed.
@@ -104,11 +104,7 @@ impl PartFile {
         let mut found = Vec::new();
         let known = File::open(path).and_then(|file| file.take(HEADER_BYTES as u64).read_to_end(&mut found));
         if known.is_ok() && id(job, cols).starts_with(&found) {
-            // Who finished the output may have been killed before its name was on disk.
-            sync_folder(path)
-                .and_then(|()| before(Step::Remove, path))
-                .and_then(|()| std::fs::remove_file(path))
-                .map_err(Error::io(path))?;
+            before(Step::Remove, path).and_then(|()| std::fs::remove_file(path)).map_err(Error::io(path))?;
         }
         Ok(())
     }

@@ -75,6 +75,14 @@ pub(super) fn sync_folder(path: &Path) -> std::io::Result<()> {
     }
 }
 
+/// Waits until the name of a finished file is on disk. Who gave it may have been killed before that, and a power cut would undo it.
+///
+/// # Errors
+/// [`Error::Io`] if the folder cannot be brought to disk.
+pub fn settle(path: &Path) -> Result<()> {
+    sync_folder(path).map_err(Error::io(path))
+}
+
 /// Writes `bytes` to `path` whole or not at all. A temporary file beside it is written, synced and renamed.
 ///
 /// # Errors

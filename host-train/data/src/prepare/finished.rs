@@ -2,6 +2,7 @@
 
 use super::list::SceneFiles;
 use super::manifest::{MADE_BY, MANIFEST, PrepareOptions, TrainingSetManifest};
+use elunar_base::output::settle;
 use elunar_base::{Error, Result};
 use std::path::Path;
 
@@ -54,5 +55,6 @@ pub(super) fn find(
             return Err(Error::broken(&path, format!("the bytes that {MANIFEST} names expected, others found")));
         }
     }
+    settle(&out.join(MANIFEST))?;
     Ok(Some(manifest))
 }

@@ -1,9 +1,10 @@
 //! `elunar batch`: runs a chunk of a manifest.
 
 use super::manifest::uses_of;
-use crate::cluster::batch::{BatchOptions, ItemCounts, run as run_items};
+use crate::cluster::batch::{BatchOptions, run as run_items};
 use crate::cluster::manifest::BatchManifest;
 use crate::cluster::{apart, foreign};
+use elunar_base::rounds::Counts;
 use elunar_base::{Error, Result, say};
 use elunar_scene::predict::span::PartOf;
 use std::path::PathBuf;
@@ -53,7 +54,7 @@ pub fn run(args: Args) -> Result<()> {
     let program = std::env::current_exe().map_err(Error::io("this program"))?;
     let available = std::thread::available_parallelism().map_or(1, usize::from);
     let more = args.part_dir.iter().map(|folder| format!("--part-dir={}", folder.display())).collect();
-    let manner = BatchOptions {
+    let options = BatchOptions {
         program,
         more,
         jobs: if args.jobs == 0 { available } else { args.jobs },
@@ -62,7 +63,7 @@ pub fn run(args: Args) -> Result<()> {
         chunk: args.chunk.to_string(),
     };
     let (all, mut count) = (items.len(), 0);
-    let counts = run_items(&items, &manifest.folder, &manner, &mut |outcome| {
+    let counts = run_items(&items, &manifest.folder, &options, &mut |outcome| {
         count += 1;
         let line = serde_json::to_string(outcome).map_err(|e| Error::usage(format!("{}: {e}", outcome.id)))?;
         println!("{line}");
@@ -70,12 +71,12 @@ pub fn run(args: Args) -> Result<()> {
         say::note(&format!("{count}/{all} {}: {what} ({:.1} s)", outcome.id, outcome.seconds));
         Ok(())
     })?;
-    let ItemCounts { done, failed, again } = counts;
+    let Counts { done, failed, again } = counts;
     let text =
         format!("chunk {}: {done} of {all} items are done, {again} may succeed later, {failed} never", args.chunk);
     match counts {
-        ItemCounts { again: 0, failed: 0, .. } => Ok(()),
-        ItemCounts { again: 0, .. } => Err(Error::input(text)),
+        Counts { again: 0, failed: 0, .. } => Ok(()),
+        Counts { again: 0, .. } => Err(Error::input(text)),
         _ => Err(Error::stopped(text)),
     }
 }

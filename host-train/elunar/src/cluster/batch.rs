@@ -2,13 +2,11 @@
 
 use super::item::BatchItem;
 use super::outcome::{AttemptRecord, ItemOutcome, now_s};
+use elunar_base::rounds::{Counts, Ended, Manner};
 use elunar_base::{Error, Result, folder_of, interrupt, say};
-use std::collections::VecDeque;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::Mutex;
-use std::sync::mpsc::{Sender, channel};
 use std::time::{Duration, Instant};
 
 /// How items are run.
@@ -38,17 +36,6 @@ const LOOK: Duration = Duration::from_millis(10);
 /// How long a process that also got the signal may take to end by itself.
 const GRACE: Duration = Duration::from_millis(300);
 
-/// Numbers of items of a chunk, by what became of them.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct ItemCounts {
-    /// Made, now or before.
-    pub done: usize,
-    /// Never succeeds.
-    pub failed: usize,
-    /// May succeed later, or was not begun.
-    pub again: usize,
-}
-
 /// Runs items, and passes every line to `tell` as it comes. What may succeed later is tried again until the time to wait is over.
 ///
 /// # Errors
@@ -56,76 +43,38 @@ pub struct ItemCounts {
 pub fn run(
     items: &[&Line],
     folder: &Path,
-    manner: &BatchOptions,
+    options: &BatchOptions,
     tell: &mut dyn FnMut(&AttemptRecord) -> Result<()>,
-) -> Result<ItemCounts> {
+) -> Result<Counts> {
     interrupt::listen();
-    let (mut counts, start) = (ItemCounts::default(), Instant::now());
-    let mut left: Vec<&Line> = items.to_vec();
-    loop {
-        let all = left.len();
-        let mut again = vec![];
-        let begun = round(&left, folder, manner, &mut |item, outcome| {
-            tell(outcome)?;
-            match outcome.verdict {
-                ItemOutcome::Done | ItemOutcome::DoneBefore => counts.done += 1,
-                ItemOutcome::Failed => counts.failed += 1,
-                ItemOutcome::TryAgain => again.push(item),
-            }
-            Ok(())
-        })?;
-        if again.is_empty() || interrupt::requested() || start.elapsed() >= manner.wait {
-            counts.again = again.len() + all - begun;
-            return Ok(counts);
-        }
-        left = again;
-        let pause = Instant::now();
-        while pause.elapsed() < PAUSE && !interrupt::requested() {
-            std::thread::sleep(LOOK);
-        }
-    }
+    let start = Instant::now();
+    let manner = Manner {
+        slots: options.jobs,
+        attempt: &|item: &Line, slot| {
+            let (start_s, start) = (now_s(), Instant::now());
+            let ended = check(&item.1, folder).and_then(|()| attempt(&item.1, folder, options));
+            outcome(item, ended, options, slot, (start_s, start.elapsed().as_secs_f64()))
+        },
+        stops: &interrupt::requested,
+    };
+    let mut told = |_: &Line, record: AttemptRecord| {
+        tell(&record)?;
+        Ok(match record.verdict {
+            ItemOutcome::Done | ItemOutcome::DoneBefore => Ended::Done,
+            ItemOutcome::Failed => Ended::Failed,
+            ItemOutcome::TryAgain => Ended::TryAgain,
+        })
+    };
+    manner.run(items, &mut told, &mut || start.elapsed() < options.wait && pauses())
 }
 
-/// Runs items once. Returns how many were begun.
-fn round<'a>(
-    items: &[&'a Line],
-    folder: &Path,
-    manner: &BatchOptions,
-    tell: &mut dyn FnMut(&'a Line, &AttemptRecord) -> Result<()>,
-) -> Result<usize> {
-    let waiting: Mutex<VecDeque<&Line>> = Mutex::new(items.iter().copied().collect());
-    std::thread::scope(|scope| {
-        let (send, receive) = channel();
-        for slot in 1..=manner.jobs.clamp(1, items.len().max(1)) {
-            let (waiting, send) = (&waiting, send.clone());
-            scope.spawn(move || work(waiting, folder, manner, slot, &send));
-        }
-        drop(send);
-        let mut begun = 0;
-        for (item, outcome) in receive {
-            begun += 1;
-            tell(item, &outcome)?;
-        }
-        Ok(begun)
-    })
-}
-
-fn work<'a>(
-    waiting: &Mutex<VecDeque<&'a Line>>,
-    folder: &Path,
-    manner: &BatchOptions,
-    slot: usize,
-    send: &Sender<(&'a Line, AttemptRecord)>,
-) {
-    while !interrupt::requested() {
-        let Some(item) = waiting.lock().unwrap_or_else(std::sync::PoisonError::into_inner).pop_front() else { return };
-        let (start_s, start) = (now_s(), Instant::now());
-        let ended = check(&item.1, folder).and_then(|()| attempt(&item.1, folder, manner));
-        let outcome = outcome(item, ended, manner, slot, (start_s, start.elapsed().as_secs_f64()));
-        if send.send((item, outcome)).is_err() {
-            return;
-        }
+/// Waits for the next round; returns whether there is one.
+fn pauses() -> bool {
+    let pause = Instant::now();
+    while pause.elapsed() < PAUSE && !interrupt::requested() {
+        std::thread::sleep(LOOK);
     }
+    !interrupt::requested()
 }
 
 /// Checks that files whose hashes the manifest states have the sizes that it states, and makes the folder of the DTM.
@@ -149,17 +98,17 @@ fn check(item: &BatchItem, folder: &Path) -> Result<()> {
 }
 
 /// What a process left: its status, its object of JSON, its error line.
-struct Ended {
+struct Left {
     status: ExitStatus,
     record: serde_json::Value,
     error: Option<String>,
 }
 
-fn attempt(item: &BatchItem, folder: &Path, manner: &BatchOptions) -> Result<Ended> {
-    let program = Error::io(&manner.program);
-    let mut command = Command::new(&manner.program);
-    command.arg("predict").args(item.words(folder)?).arg(format!("--threads={}", manner.threads)).arg("--json");
-    command.args(&manner.more).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
+fn attempt(item: &BatchItem, folder: &Path, options: &BatchOptions) -> Result<Left> {
+    let program = Error::io(&options.program);
+    let mut command = Command::new(&options.program);
+    command.arg("predict").args(item.words(folder)?).arg(format!("--threads={}", options.threads)).arg("--json");
+    command.args(&options.more).stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(program)?;
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
     let (status, record, text) = std::thread::scope(|scope| {
@@ -172,8 +121,8 @@ fn attempt(item: &BatchItem, folder: &Path, manner: &BatchOptions) -> Result<End
     text.lines()
         .filter(|line| line.starts_with("WARNING: "))
         .for_each(|line| say::note(&format!("{}: {line}", item.id)));
-    let status = status.map_err(Error::io(&manner.program))?;
-    Ok(Ended { status, record: serde_json::from_str(&record).unwrap_or_default(), error })
+    let status = status.map_err(Error::io(&options.program))?;
+    Ok(Left { status, record: serde_json::from_str(&record).unwrap_or_default(), error })
 }
 
 fn whole(pipe: Option<impl Read>) -> String {
@@ -216,8 +165,8 @@ fn stop(child: &mut Child) {
 
 fn outcome(
     (line, item): &Line,
-    ended: Result<Ended>,
-    manner: &BatchOptions,
+    ended: Result<Left>,
+    options: &BatchOptions,
     slot: usize,
     (start_s, seconds): (f64, f64),
 ) -> AttemptRecord {
@@ -239,7 +188,7 @@ fn outcome(
         seconds,
         host: elunar_base::output::host_name(),
         slot,
-        chunk: manner.chunk.clone(),
+        chunk: options.chunk.clone(),
         pixels,
     }
 }

@@ -15,8 +15,8 @@ mod tracks;
 pub mod words;
 mod write;
 
-use crate::outputs::{self, beside};
-use elunar_base::output::Owner;
+use crate::outputs::{self, OutputTarget, beside};
+use elunar_base::output::{Owner, settle};
 use elunar_base::{Error, HAS_THREADS, Result, caller, interrupt, say};
 use elunar_net::shipped;
 use elunar_net::sun::check_sun;
@@ -119,10 +119,10 @@ fn make_whole(args: &Request, open: impl FnOnce(&Path) -> Result<Box<dyn TileMod
     let (owner, _owners) = take(args)?;
     let task = Task::new(args, open)?;
     let path = part_path(&args.output, args.part_dir.as_deref())?;
-    if task.is_finished(args) {
+    if let Some(done) = finished_before(args, &task)? {
         // A run that was killed at its end leaves its rows.
         PartFile::discard(&path, &task.identity.job, task.width())?;
-        return Ok(finished_before(args, &task));
+        return Ok(done);
     }
     let mut watch = Watch::new();
     let survey = survey(&task.work.scene)?;
@@ -167,6 +167,7 @@ fn make_part(args: &Request, part_of: PartOf, open: impl FnOnce(&Path) -> Result
     let is_ours = |head: &RowsHead| head.job == task.identity.job && head.part == part_of;
     let is_whole = |reader: RowsReader| is_ours(&reader.head) && reader.read(&mut |_| Ok(())).is_ok();
     if output.is_file() && RowsReader::open(&output).is_ok_and(is_whole) {
+        settle(&output)?;
         return Ok(Done { text: format!("{}: finished before", output.display()), json: None });
     }
     let (survey, lighting) = task.shared_survey(args)?;
@@ -204,10 +205,10 @@ pub fn join(args: &Request, parts: usize, open: impl FnOnce(&Path) -> Result<Box
     let task = Task::new(args, open)?;
     let paths: Vec<PathBuf> = (1..=parts).map(|k| rows_path(&args.output, PartOf { k, n: parts })).collect();
     let survey_at = survey_path(&args.output);
-    if task.is_finished(args) {
+    if let Some(done) = finished_before(args, &task)? {
         // A join that was killed at its end leaves parts.
         paths.iter().chain([&survey_at]).for_each(|path| drop(std::fs::remove_file(path)));
-        return Ok(finished_before(args, &task));
+        return Ok(done);
     }
     let tiling = task.work.options.tiling(&task.work.scene, task.work.model.tile())?;
     let mut tally = Tally { tiles: tiling.len(), ..Tally::default() };
@@ -276,10 +277,15 @@ fn take(args: &Request) -> Result<(Owner, Vec<Owner>)> {
     outputs::take_dtm(&args.output, &args.further(), &args.read())
 }
 
-/// Says that nothing was to be done.
-fn finished_before(args: &Request, task: &Task) -> Done {
+/// Says that nothing was to be done, if all files are there and on disk.
+fn finished_before(args: &Request, task: &Task) -> Result<Option<Done>> {
+    if !task.is_finished(args) {
+        return Ok(None);
+    }
+    settle(&args.output)?;
+    args.further().into_iter().map(OutputTarget::path).try_for_each(settle)?;
     let text = format!("{}: finished before, by the same job; its SHA-256 holds", args.output.display());
     let output = args.output.display().to_string();
     let json = serde_json::json!({ "output": output, "finished_before": true, "job": task.identity.job });
-    Done { text, json: Some(json.to_string()) }
+    Ok(Some(Done { text, json: Some(json.to_string()) }))
 }

@@ -5,6 +5,7 @@
 //! one, on a real folder. A killed process unwinds; what its destructors remove is put back, because a kill runs none.
 
 mod disk;
+mod items;
 mod processes;
 mod rows;
 
@@ -12,10 +13,12 @@ use super::record::OutputRecord;
 use super::step::{ASKED, Step};
 use disk::Disk;
 use std::cell::RefCell;
+use std::collections::BTreeMap;
 use std::io::{Error, ErrorKind, Result};
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard};
+use std::thread::JoinHandle;
 
 /// What is wrong on purpose, so that the checks must find it.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
@@ -30,6 +33,8 @@ pub(super) enum Planted {
     UnlockFirst,
     /// Checksums of rows are not compared.
     NoSums,
+    /// A process that was killed counts as one that has done its work.
+    KilledIsDone,
 }
 
 /// Reproducible numbers (xorshift64*).
@@ -55,6 +60,8 @@ impl Random {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
     Runs,
+    /// Waits for the end of another process.
+    Waits(usize),
     /// Killed, and not yet unwound.
     Dies,
     Ended,
@@ -79,7 +86,8 @@ struct State {
     successions: usize,
     is_cut: bool,
     planted: Option<Planted>,
-    holder: Option<usize>,
+    /// Who makes an output.
+    holders: BTreeMap<PathBuf, usize>,
     /// Rows that are on disk, as their maker was told.
     rows_kept: usize,
     /// What must not be.
@@ -177,9 +185,15 @@ fn before(step: Step, path: &Path) -> Result<()> {
 }
 
 impl State {
-    /// Chooses who goes on.
+    /// Chooses who goes on. One that waits is only chosen when it is killed.
     fn pass_on(&mut self) {
-        let running: Vec<usize> = (0..self.processes.len()).filter(|p| self.processes[*p] != Phase::Ended).collect();
+        let kills = self.kills > 0 && self.random.below(self.kills) == 0;
+        let may = |phase: Phase| match phase {
+            Phase::Ended => false,
+            Phase::Waits(other) => kills || self.processes[other] == Phase::Ended,
+            Phase::Runs | Phase::Dies => true,
+        };
+        let running: Vec<usize> = (0..self.processes.len()).filter(|p| may(self.processes[*p])).collect();
         if !running.is_empty() {
             self.turn = running[self.random.below(running.len())];
         }
@@ -197,7 +211,7 @@ impl State {
     fn kill(&mut self, me: usize) {
         self.processes[me] = Phase::Dies;
         self.disk.remember();
-        self.holder = self.holder.filter(|holder| *holder != me);
+        self.holders.retain(|_, holder| *holder != me);
     }
 }
 
@@ -208,7 +222,7 @@ impl World {
         let cut_at = if random.below(2) == 0 { 1 + random.below(150) } else { usize::MAX };
         let (kills, fails) = ([0, 20, 60][random.below(3)], [0, 0, 50][random.below(3)]);
         let (disk, processes, faults) = (Disk::new(Random::new(!seed)), Vec::new(), Vec::new());
-        let (of_machines, is_cut, holder) = (random.below(2) == 0, false, None);
+        let (of_machines, is_cut, holders) = (random.below(2) == 0, false, BTreeMap::new());
         let (boot, turn, steps) = (0, 0, 0);
         let state = State {
             random,
@@ -225,7 +239,7 @@ impl World {
             successions: 0,
             is_cut,
             planted,
-            holder,
+            holders,
             rows_kept: 0,
             faults,
         };
@@ -245,18 +259,41 @@ impl World {
 
     /// Runs processes until all have ended; returns what those gave that were not killed.
     pub(super) fn run<T: Send + 'static>(self: &Arc<Self>, jobs: Vec<Job<T>>) -> Vec<T> {
-        let first = {
-            let mut state = self.lock();
-            let first = state.processes.len();
-            state.processes.extend(jobs.iter().map(|_| Phase::Runs));
-            state.pass_on();
-            first
-        };
-        std::thread::scope(|scope| {
-            let start = |(i, job): (usize, Job<T>)| scope.spawn(move || self.process(first + i, job));
-            let threads: Vec<_> = jobs.into_iter().enumerate().map(start).collect();
-            threads.into_iter().filter_map(|thread| thread.join().expect("a process that is only killed")).collect()
-        })
+        let mut state = self.lock();
+        let threads: Vec<_> = jobs.into_iter().map(|job| self.start(&mut state, job).1).collect();
+        state.pass_on();
+        self.next.notify_all();
+        // Processes that outlive the one that started them, too.
+        while state.processes.iter().any(|phase| *phase != Phase::Ended) {
+            state = self.next.wait(state).expect("no process panics with the state");
+        }
+        drop(state);
+        threads.into_iter().filter_map(|thread| thread.join().expect("a process that is only killed")).collect()
+    }
+
+    fn start<T: Send + 'static>(self: &Arc<Self>, state: &mut State, job: Job<T>) -> (usize, JoinHandle<Option<T>>) {
+        let (world, me) = (self.clone(), state.processes.len());
+        state.processes.push(Phase::Runs);
+        (me, std::thread::spawn(move || world.process(me, job)))
+    }
+
+    /// Runs a job as a process that process `me` waits for; `None` if it is killed. It goes on if `me` is killed. May be called by any thread of
+    /// `me`, if the others wait.
+    fn child<T: Send + 'static>(self: &Arc<Self>, me: usize, job: Job<T>) -> Option<T> {
+        let mut state = self.lock();
+        let (child, thread) = self.start(&mut state, job);
+        state.processes[me] = Phase::Waits(child);
+        state.pass_on();
+        self.next.notify_all();
+        state = self.wait(state, me);
+        if state.is_cut || state.processes[child] != Phase::Ended {
+            state.kill(me);
+            drop(state);
+            resume_unwind(Box::new(Killed));
+        }
+        state.processes[me] = Phase::Runs;
+        drop(state);
+        thread.join().expect("a process that is only killed")
     }
 
     /// Ends all faults, and lets what a cut has left be found.
@@ -269,20 +306,21 @@ impl World {
         }
     }
 
-    fn enter(&self, me: usize) {
+    fn enter(&self, out: &Path, me: usize) {
         let mut state = self.lock();
-        let other = state.holder.replace(me);
+        let other = state.holders.insert(out.into(), me);
         // Who was halted does not know yet that it is no owner.
         if other.is_some() && state.halts {
             state.successions += 1;
         } else if let Some(other) = other {
-            state.faults.push(format!("processes {other} and {me} own the output"));
+            state
+                .faults
+                .push(format!("processes {other} and {me} own {}", out.file_name().unwrap_or_default().display()));
         }
     }
 
-    fn leave(&self, me: usize) {
-        let mut state = self.lock();
-        state.holder = state.holder.filter(|holder| *holder != me);
+    fn leave(&self, out: &Path, me: usize) {
+        self.lock().holders.retain(|held, holder| held != out || *holder != me);
     }
 
     fn process<T>(self: &Arc<Self>, me: usize, job: Job<T>) -> Option<T> {

@@ -3,7 +3,7 @@
 use super::*;
 use crate::digest::sha256_of;
 use crate::output::step::write;
-use crate::output::{Owner, Staged, atomic_write};
+use crate::output::{Owner, Staged, atomic_write, settle};
 use std::result::Result;
 
 /// Schedules of a usual run. `ELUNAR_SCHEDULES` tries more, from `ELUNAR_SEED` on.
@@ -41,10 +41,10 @@ impl World {
         } else {
             Owner::of_file(&out)?
         };
-        self.enter(me);
+        self.enter(&out, me);
         let done = match self.write(folder, &owner, me) {
             Ok(Some(staged)) if self.lock().planted == Some(Planted::UnlockFirst) => {
-                self.leave(me);
+                self.leave(&out, me);
                 drop(owner);
                 return finish(folder, staged).map(|()| true);
             }
@@ -52,13 +52,14 @@ impl World {
             Ok(None) => Ok(false),
             Err(error) => Err(error),
         };
-        self.leave(me);
+        self.leave(&out, me);
         done
     }
 
     /// Writes the output under another name; `None` if it is finished.
     fn write(&self, folder: &Path, owner: &Owner, me: usize) -> crate::Result<Option<Staged>> {
         if is_finished(folder) {
+            settle(&folder.join("out"))?;
             return Ok(None);
         }
         let out = folder.join("out");
@@ -97,7 +98,7 @@ fn play(seed: u64, planted: Option<Planted>) -> Vec<String> {
         };
         (from..from + count).map(one).collect::<Vec<_>>()
     };
-    let finished = world.run(jobs(&world, 0, PROCESSES)).contains(&Ok(true));
+    let finished = world.run(jobs(&world, 0, PROCESSES)).iter().any(|done| done.is_ok());
     world.calm();
     let mut faults = Vec::new();
     let whole = |when: &str, faults: &mut Vec<String>| {
