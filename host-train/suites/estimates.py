@@ -28,11 +28,8 @@ import numpy as np
 import rasterio
 import rasterio.warp
 from external import SLDEM_PIXEL_M, sldem_errors
+from means import sigma_of_mean
 from scipy.ndimage import distance_transform_edt, gaussian_filter, map_coordinates, uniform_filter1d
-
-# Without the package's native part.
-sys.path.append(str(pathlib.Path(__file__).parents[1] / "python/elunardtm"))
-from _mean import sigma_of_mean  # noqa: E402
 
 LISTS = "real", "real-erring", "apollo15", "independent", "stereolunar", "suite"
 WEIGHTS, HALF_WIDTHS_COARSE_PX = (0.5, 0.7, 1.0), (0.5, 0.75)

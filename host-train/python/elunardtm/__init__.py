@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from . import _grids, _mean, _native, _progress
+from . import _grids, _native, _progress
 from ._errors import Error, InputError, TryAgainError, UsageError, Warning
 from ._grids import Affine, Grid, Path, Place
 from ._progress import Progress
@@ -196,8 +196,9 @@ class Prediction:
             raise UsageError("where: a pixel with a height expected, none found")
         heights, sigma = (_grids.array_of(of) for of in (self.heights, self.sigma))
         pixel_m, errors = self.record["pixel_m"], self.record["uncertainty"]
-        coarse = self.record["coarse_px"] * pixel_m, errors["coarse_sigma_m"], errors["coarse_correlation_m"]
-        return float(heights[inside].mean(dtype="f8")), _mean.sigma_of_mean(sigma, inside, pixel_m, *coarse)
+        sizes = pixel_m, self.record["coarse_px"] * pixel_m
+        coarse = errors["coarse_sigma_m"], errors["coarse_correlation_m"]
+        return float(heights[inside].mean(dtype="f8")), _native.sigma_of_mean(sigma, inside, sizes, coarse)
 
 
 @dataclass(frozen=True)

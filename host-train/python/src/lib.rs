@@ -9,10 +9,11 @@ mod work;
 use elunar::cli::Cli;
 use elunar_base::SOFTWARE;
 use elunar_core::sun::{Body, UtcTime, sub_solar};
+use elunar_evaluate::HeightErrors;
 use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::TileModel as _;
 use elunar_synth::{Moon, SynthOptions};
-use numpy::{PyArray1, PyArrayMethods};
+use numpy::{PyArray1, PyArrayMethods, PyReadonlyArray2, PyUntypedArrayMethods};
 use pyo3::prelude::*;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -44,6 +45,24 @@ impl Model {
         let tile = self.model.tile();
         (tile.rows, tile.cols)
     }
+}
+
+/// Returns the standard deviation of a mean height, metres, as [`HeightErrors::sigma_of_mean`] does: NaN for no pixels. `sigma` and `inside` are of
+/// one shape.
+#[pyfunction]
+fn sigma_of_mean(
+    py: Python<'_>,
+    sigma: PyReadonlyArray2<'_, f32>,
+    inside: PyReadonlyArray2<'_, bool>,
+    sizes_m: [f64; 2],
+    coarse_m: [f64; 2],
+) -> f64 {
+    let ([pixel_m, coarse_pixel_m], [coarse_sigma_m, coarse_correlation_m]) = (sizes_m, coarse_m);
+    let errors = HeightErrors { pixel_m, coarse_pixel_m, coarse_sigma_m, coarse_correlation_m };
+    let cols = sigma.shape()[1];
+    let sigma: Vec<f32> = sigma.as_array().iter().copied().collect();
+    let inside: Vec<bool> = inside.as_array().iter().copied().collect();
+    py.detach(|| errors.sigma_of_mean(&sigma, &inside, cols)).unwrap_or(f64::NAN)
 }
 
 /// Returns the options of a command, as on the command line, without the dashes.
@@ -97,6 +116,7 @@ fn _native(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(call::call, module)?)?;
     module.add_function(wrap_pyfunction!(options, module)?)?;
     module.add_function(wrap_pyfunction!(scene, module)?)?;
+    module.add_function(wrap_pyfunction!(sigma_of_mean, module)?)?;
     module.add_function(wrap_pyfunction!(sun, module)?)?;
     module.add_function(wrap_pyfunction!(write_scene, module)?)
 }

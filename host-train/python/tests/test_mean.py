@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import elunardtm
-from elunardtm import Model
-from elunardtm._mean import IMAGE_CORRELATION_PX, sigma_of_mean
+from elunardtm import Model, _native
 
 PIXEL_M, COARSE_PIXEL_M, COARSE_SIGMA_M = 20.0, 60.0, 3.0
 
@@ -28,22 +27,13 @@ def test_means_of_simulated_errors_have_it(length_m):
     random, shape, number = np.random.default_rng(5), (24, 30), 4000
     image_sd = 0.5 + 2 * random.random(shape)
     errors = COARSE_SIGMA_M * fields(shape, length_m, number, random)
-    errors += image_sd * fields(shape, IMAGE_CORRELATION_PX * COARSE_PIXEL_M, number, random)
+    errors += image_sd * fields(shape, COARSE_PIXEL_M, number, random)
     scattered = disc(shape, 12, 12, 10) & (random.random(shape) < 0.4)
     for where in (disc(shape, 5, 6, 0), disc(shape, 12, 9, 4), disc(shape, 11, 15, 11), scattered):
-        stated = sigma_of_mean(np.hypot(image_sd, COARSE_SIGMA_M), where, PIXEL_M, COARSE_PIXEL_M, COARSE_SIGMA_M, length_m)
+        sigma, sizes = np.hypot(image_sd, COARSE_SIGMA_M).astype("f4"), (PIXEL_M, COARSE_PIXEL_M)
+        stated = _native.sigma_of_mean(sigma, where, sizes, (COARSE_SIGMA_M, length_m))
         # Four standard deviations of that of 4,000 means.
         assert abs(errors[:, where].mean(1).std() / stated - 1) < 4 / np.sqrt(2 * number)
-
-
-def test_blocks_change_little(monkeypatch):
-    shape = (150, 90)
-    where, sigma = disc(shape, 75, 45, 40), np.full(shape, 3.2)
-    values = PIXEL_M, COARSE_PIXEL_M, COARSE_SIGMA_M, 500.0
-    whole = sigma_of_mean(sigma, where, *values)
-    monkeypatch.setattr("elunardtm._mean.SIDE", 30)
-    # Blocks of 100 m against 60 m and 500 m over which errors are alike.
-    assert abs(sigma_of_mean(sigma, where, *values) / whole - 1) < 0.002
 
 
 def test_a_prediction_gives_a_mean_with_its_standard_deviation(scene):

@@ -2,7 +2,7 @@
 //!
 //! The covariance of two errors is taken as the variance times exp(-distance / length), without direction. Of the errors that imitate SLDEM2015's
 //! an exponential is nearer to the covariance than a Gaussian is (`host-train/suites/estimates.py OUT fields`). It gives the standard deviation
-//! of a mean height (`host-train/python/elunardtm/_mean.py`).
+//! of a mean height (`host-train/evaluate/src/mean.rs`).
 
 use serde::Serialize;
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-"""The standard deviation of a mean height: errors of neighbouring pixels are alike, so their mean errs more than that of independent ones."""
+"""The standard deviation of a mean height, as host-train/evaluate/src/mean.rs has it: for scripts that have numpy alone."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-#: Correlation length of the errors that the image leaves, in coarse pixels (our choice): longer waves are the coarse DTM's.
+#: Correlation length of the errors that the image leaves, in coarse pixels.
 IMAGE_CORRELATION_PX = 1.0
-#: Longest side of the map on which covariances are summed, in blocks of pixels (our choice): it bounds memory and time.
+#: Longest side of the map on which covariances are summed, in blocks of pixels.
 SIDE = 1024
 
 
@@ -21,14 +21,7 @@ def sigma_of_mean(
     coarse_sigma_m: float,
     coarse_correlation_m: float,
 ) -> float:
-    """Returns the standard deviation of the mean height over the pixels ``where``, metres.
-
-    The variance of a mean of n pixels is the sum of the covariances of all their pairs over n². Two pixels ``h`` metres apart have
-    the coarse DTM's ``coarse_sigma_m``² exp(-h / ``coarse_correlation_m``), and s₁ s₂ exp(-h / one coarse pixel) of the errors s that the image leaves:
-    s² is ``sigma``² without the coarse DTM's (the block variance of geostatistics: Journel and Huijbregts 1978; for DTMs Rolstad et al. 2009). Pairs
-    are counted by their distance with the Fourier transform, so any shape will do. Sides beyond 1024 pixels are taken in blocks, whose pixels
-    count as if they lay in one place.
-    """
+    """Returns the standard deviation of the mean height over the pixels ``where``, metres."""
     rows, cols = (np.flatnonzero(where.any(axis)) for axis in (1, 0))
     cut = np.s_[rows[0] : rows[-1] + 1, cols[0] : cols[-1] + 1]
     inside = where[cut]
