@@ -228,6 +228,8 @@ no_std() {
     if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
         cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight" --target "$bare"
         inspect "$target/flight/$bare/release/libelunar.a"
+        # What of Rust's core is in it.
+        onboard/flight/proofs/core_functions.py
     else
         echo "SKIPPED: bare-metal build: target $bare is not installed (rustup target add $bare)"
     fi
