@@ -8,7 +8,7 @@ use std::sync::mpsc::{Sender, channel};
 
 /// What became of an item.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub enum Ended {
+pub enum ItemEnd {
     /// Made, now or before.
     Done,
     /// It never succeeds as it is.
@@ -19,7 +19,7 @@ pub enum Ended {
 
 /// Numbers of items, by what became of them.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Counts {
+pub struct ItemCounts {
     /// Made, now or before.
     pub done: usize,
     /// Never succeeds.
@@ -29,7 +29,7 @@ pub struct Counts {
 }
 
 /// How items are worked on.
-pub struct Manner<'m, T, R> {
+pub struct ItemRounds<'m, T, R> {
     /// Number of items at a time, each in a slot, from 1 on.
     pub slots: usize,
     /// Works on an item in a slot.
@@ -38,7 +38,7 @@ pub struct Manner<'m, T, R> {
     pub stops: &'m (dyn Fn() -> bool + Sync),
 }
 
-impl<T: Sync, R: Send> Manner<'_, T, R> {
+impl<T: Sync, R: Send> ItemRounds<'_, T, R> {
     /// Works on all items, and passes what each attempt gave to `tell`, which judges it. What may succeed later is tried again as long as `waits`,
     /// which waits for the next round, returns true.
     ///
@@ -47,18 +47,18 @@ impl<T: Sync, R: Send> Manner<'_, T, R> {
     pub fn run<'t>(
         &self,
         items: &[&'t T],
-        tell: &mut dyn FnMut(&'t T, R) -> Result<Ended>,
+        tell: &mut dyn FnMut(&'t T, R) -> Result<ItemEnd>,
         waits: &mut dyn FnMut() -> bool,
-    ) -> Result<Counts> {
-        let (mut counts, mut left) = (Counts::default(), items.to_vec());
+    ) -> Result<ItemCounts> {
+        let (mut counts, mut left) = (ItemCounts::default(), items.to_vec());
         loop {
             let (mut begun, mut again) = (0, vec![]);
             self.round(&left, &mut |item, outcome| {
                 begun += 1;
                 match tell(item, outcome)? {
-                    Ended::Done => counts.done += 1,
-                    Ended::Failed => counts.failed += 1,
-                    Ended::TryAgain => again.push(item),
+                    ItemEnd::Done => counts.done += 1,
+                    ItemEnd::Failed => counts.failed += 1,
+                    ItemEnd::TryAgain => again.push(item),
                 }
                 Ok(())
             })?;

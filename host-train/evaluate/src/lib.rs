@@ -26,7 +26,7 @@ pub use coalign::CoAlignment;
 pub use details::Details;
 pub use expected::ExpectedErrorMaps;
 pub use maps::{EvaluatedMaps, NamedSource, View};
-pub use mean::HeightErrors;
+pub use mean::CorrelatedErrors;
 pub use octaves::{HalfCoherence, Octave, half_coherence};
 pub use registration::Registration;
 pub use relief::{ImageLight, ReliefScores, Side, relief};

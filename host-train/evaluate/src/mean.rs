@@ -11,7 +11,7 @@ const SIDE: usize = 1024;
 
 /// What is known of the errors of a DTM's heights.
 #[derive(Debug, Clone, Copy)]
-pub struct HeightErrors {
+pub struct CorrelatedErrors {
     /// Size of a pixel, metres.
     pub pixel_m: f64,
     /// Size of a pixel of the coarse DTM, metres.
@@ -22,7 +22,7 @@ pub struct HeightErrors {
     pub coarse_correlation_m: f64,
 }
 
-impl HeightErrors {
+impl CorrelatedErrors {
     /// Returns the standard deviation of the mean height over the pixels `inside`, metres; `None` if there are none. `sigma_m` has the standard
     /// deviation of each height, by rows of `cols` pixels, finite inside.
     ///
@@ -91,8 +91,8 @@ impl Sums {
 mod tests {
     use super::*;
 
-    const ERRORS: HeightErrors =
-        HeightErrors { pixel_m: 20.0, coarse_pixel_m: 60.0, coarse_sigma_m: 3.0, coarse_correlation_m: 500.0 };
+    const ERRORS: CorrelatedErrors =
+        CorrelatedErrors { pixel_m: 20.0, coarse_pixel_m: 60.0, coarse_sigma_m: 3.0, coarse_correlation_m: 500.0 };
 
     /// Returns a disc in a map of 90 columns.
     fn disc(rows: usize, (row, col): (f64, f64), radius: f64) -> Vec<bool> {

@@ -9,7 +9,7 @@ mod work;
 use elunar::cli::Cli;
 use elunar_base::SOFTWARE;
 use elunar_core::sun::{Body, UtcTime, sub_solar};
-use elunar_evaluate::HeightErrors;
+use elunar_evaluate::CorrelatedErrors;
 use elunar_scene::predict::int8::{self, Int8Model};
 use elunar_scene::predict::network::TileModel as _;
 use elunar_synth::{Moon, SynthOptions};
@@ -47,7 +47,7 @@ impl Model {
     }
 }
 
-/// Returns the standard deviation of a mean height, metres, as [`HeightErrors::sigma_of_mean`] does: NaN for no pixels. `sigma` and `inside` are of
+/// Returns the standard deviation of a mean height, metres, as [`CorrelatedErrors::sigma_of_mean`] does: NaN for no pixels. `sigma` and `inside` are of
 /// one shape.
 #[pyfunction]
 fn sigma_of_mean(
@@ -58,7 +58,7 @@ fn sigma_of_mean(
     coarse_m: [f64; 2],
 ) -> f64 {
     let ([pixel_m, coarse_pixel_m], [coarse_sigma_m, coarse_correlation_m]) = (sizes_m, coarse_m);
-    let errors = HeightErrors { pixel_m, coarse_pixel_m, coarse_sigma_m, coarse_correlation_m };
+    let errors = CorrelatedErrors { pixel_m, coarse_pixel_m, coarse_sigma_m, coarse_correlation_m };
     let cols = sigma.shape()[1];
     let sigma: Vec<f32> = sigma.as_array().iter().copied().collect();
     let inside: Vec<bool> = inside.as_array().iter().copied().collect();

@@ -85,6 +85,25 @@ fn what_standards_ask_for_is_met_by_what_exists() {
     }
 }
 
+/// Returns the sum of some columns.
+fn sum(rows: &[Vec<String>], columns: &[usize]) -> usize {
+    rows.iter().flat_map(|row| columns.iter().map(|k| row[*k].parse::<usize>().unwrap())).sum()
+}
+
+#[test]
+fn records_of_what_takes_hours_keep_their_floors() {
+    let rows = |path: &str| csv(&read(path));
+    for row in rows("tests/mutants/record.csv") {
+        assert!(row[7].parse::<f64>().unwrap() >= 95.0 && row[6] == "0", "mutants of {}: {row:?}", row[0]);
+    }
+    assert!(rows("tests/mutants/survivors.csv").iter().all(|row| row[2].len() > 10), "a survivor without a reason");
+    for row in rows("onboard/flight/boards/outcomes.csv") {
+        assert_eq!(row.last().unwrap(), "0", "branches of {} that are not argued", row[0]);
+    }
+    let roundings = rows("tests/campaigns/roundings.csv");
+    assert!(sum(&roundings, &[4]) > 1_000_000_000 && sum(&roundings, &[6]) == 0, "roundings that differ");
+}
+
 #[test]
 fn the_page_has_the_figures_of_its_tables() {
     let rows = |path: &str| csv(&read(path));
@@ -93,6 +112,10 @@ fn the_page_has_the_figures_of_its_tables() {
     let counted = deviations.iter().flat_map(|row| row[3].split(' ')).map(|file| file.rsplit_once(':').unwrap().1);
     let found: usize = counted.map(|count| count.parse::<usize>().unwrap()).sum();
     assert!(deviations.iter().all(|row| row[..3].iter().all(|cell| !cell.is_empty())), "a rule without a reason");
+    let (areas, core) = (rows("tests/mutants/record.csv"), rows("onboard/flight/proofs/core.csv"));
+    let (killed, mutants) = (sum(&areas, &[4]), sum(&areas, &[4, 5, 6]));
+    let certified = core.iter().filter(|row| row[1] == "yes").count();
+    assert_eq!(areas.len(), 11);
     let page = read("onboard/docs/review.md").split_whitespace().collect::<Vec<_>>().join(" ");
     for expected in [
         format!("{} C functions", functions(&read("onboard/capi/include/elunar.h")).len()),
@@ -100,6 +123,12 @@ fn the_page_has_the_figures_of_its_tables() {
         format!("[{} failure modes]", rows("onboard/docs/failure-modes.csv").len()),
         format!("{found} findings of {} rules", deviations.len()),
         format!("[{} subjects]", standards.len()),
+        format!("[eleven areas](../../tests/mutants/record.csv): {killed} of {mutants} samples"),
+        format!(
+            "[{}](../flight/proofs/core.csv), called or inlined; Ferrocene certifies {certified} of them",
+            core.len()
+        ),
+        format!("{} functions of `core` are not on Ferrocene's list", core.len() - certified),
         format!("{} met, {} in part, {} left to the mission", state("met"), state("part"), state("mission")),
     ] {
         assert!(page.contains(&expected), "onboard/docs/review.md: expected '{expected}'");

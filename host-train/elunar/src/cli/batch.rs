@@ -4,7 +4,7 @@ use super::manifest::uses_of;
 use crate::cluster::batch::{BatchOptions, run as run_items};
 use crate::cluster::manifest::BatchManifest;
 use crate::cluster::{apart, foreign};
-use elunar_base::rounds::Counts;
+use elunar_base::rounds::ItemCounts;
 use elunar_base::{Error, Result, say};
 use elunar_scene::predict::span::PartOf;
 use std::path::PathBuf;
@@ -71,12 +71,12 @@ pub fn run(args: Args) -> Result<()> {
         say::note(&format!("{count}/{all} {}: {what} ({:.1} s)", outcome.id, outcome.seconds));
         Ok(())
     })?;
-    let Counts { done, failed, again } = counts;
+    let ItemCounts { done, failed, again } = counts;
     let text =
         format!("chunk {}: {done} of {all} items are done, {again} may succeed later, {failed} never", args.chunk);
     match counts {
-        Counts { again: 0, failed: 0, .. } => Ok(()),
-        Counts { again: 0, .. } => Err(Error::input(text)),
+        ItemCounts { again: 0, failed: 0, .. } => Ok(()),
+        ItemCounts { again: 0, .. } => Err(Error::input(text)),
         _ => Err(Error::stopped(text)),
     }
 }

@@ -2,7 +2,7 @@
 
 use super::item::BatchItem;
 use super::outcome::{AttemptRecord, ItemOutcome, now_s};
-use elunar_base::rounds::{Counts, Ended, Manner};
+use elunar_base::rounds::{ItemCounts, ItemEnd, ItemRounds};
 use elunar_base::{Error, Result, folder_of, interrupt, say};
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -45,10 +45,10 @@ pub fn run(
     folder: &Path,
     options: &BatchOptions,
     tell: &mut dyn FnMut(&AttemptRecord) -> Result<()>,
-) -> Result<Counts> {
+) -> Result<ItemCounts> {
     interrupt::listen();
     let start = Instant::now();
-    let manner = Manner {
+    let manner = ItemRounds {
         slots: options.jobs,
         attempt: &|item: &Line, slot| {
             let (start_s, start) = (now_s(), Instant::now());
@@ -60,9 +60,9 @@ pub fn run(
     let mut told = |_: &Line, record: AttemptRecord| {
         tell(&record)?;
         Ok(match record.verdict {
-            ItemOutcome::Done | ItemOutcome::DoneBefore => Ended::Done,
-            ItemOutcome::Failed => Ended::Failed,
-            ItemOutcome::TryAgain => Ended::TryAgain,
+            ItemOutcome::Done | ItemOutcome::DoneBefore => ItemEnd::Done,
+            ItemOutcome::Failed => ItemEnd::Failed,
+            ItemOutcome::TryAgain => ItemEnd::TryAgain,
         })
     };
     manner.run(items, &mut told, &mut || start.elapsed() < options.wait && pauses())

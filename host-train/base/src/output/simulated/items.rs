@@ -4,7 +4,7 @@ use super::processes::number;
 use super::*;
 use crate::output::step::write;
 use crate::output::{Owner, Staged, settle};
-use crate::rounds::{Counts, Ended, Manner};
+use crate::rounds::{ItemCounts, ItemEnd, ItemRounds};
 use std::collections::BTreeSet;
 
 /// Schedules of a usual run; see [`number`].
@@ -18,13 +18,13 @@ const WRONG: usize = ITEMS - 1;
 const ROUNDS: usize = 4;
 
 /// What a process said before it ended.
-type Said = std::result::Result<bool, Ended>;
+type Said = std::result::Result<bool, ItemEnd>;
 
 /// Makes item `item`, as its process `me` does; returns whether it was not there before.
 fn make(world: &World, out: &Path, item: usize, me: usize) -> Said {
-    let again = |_: crate::Error| Ended::TryAgain;
+    let again = |_: crate::Error| ItemEnd::TryAgain;
     if item == WRONG {
-        return Err(Ended::Failed);
+        return Err(ItemEnd::Failed);
     }
     let owner = Owner::of_file(out).map_err(again)?;
     world.enter(out, me);
@@ -63,19 +63,19 @@ struct Told {
 }
 
 impl Told {
-    fn take(&mut self, folder: &Path, item: usize, ended: Ended) {
+    fn take(&mut self, folder: &Path, item: usize, ended: ItemEnd) {
         let found = std::fs::read(path_of(folder, item)).unwrap_or_default();
         match ended {
-            Ended::Done if !is_whole(item, &found) => {
+            ItemEnd::Done if !is_whole(item, &found) => {
                 self.faults.push(format!("item {item} is told as done and is not there"))
             }
-            Ended::Done => {
+            ItemEnd::Done => {
                 if *self.done.entry(item).or_insert_with(|| found.clone()) != found {
                     self.faults.push(format!("item {item} was done and is made again"));
                 }
             }
-            Ended::Failed => _ = self.failed.insert(item),
-            Ended::TryAgain => {}
+            ItemEnd::Failed => _ = self.failed.insert(item),
+            ItemEnd::TryAgain => {}
         }
     }
 }
@@ -85,7 +85,7 @@ fn path_of(folder: &Path, item: usize) -> PathBuf {
 }
 
 /// A batch over all items, as process `me`.
-fn batch(world: &Arc<World>, folder: &Path, told: &Mutex<Told>, me: usize) -> Counts {
+fn batch(world: &Arc<World>, folder: &Path, told: &Mutex<Told>, me: usize) -> ItemCounts {
     let items: Vec<usize> = (0..ITEMS).collect();
     let attempt = |item: &usize, _: usize| {
         let (inner, item, out) = (world.clone(), *item, path_of(folder, *item));
@@ -94,14 +94,14 @@ fn batch(world: &Arc<World>, folder: &Path, told: &Mutex<Told>, me: usize) -> Co
             make(&inner, &out, item, me)
         });
         match world.child(me, job) {
-            Some(Ok(_)) => Ended::Done,
+            Some(Ok(_)) => ItemEnd::Done,
             Some(Err(ended)) => ended,
-            None if world.lock().planted == Some(Planted::KilledIsDone) => Ended::Done,
-            None => Ended::TryAgain,
+            None if world.lock().planted == Some(Planted::KilledIsDone) => ItemEnd::Done,
+            None => ItemEnd::TryAgain,
         }
     };
-    let manner = Manner { slots: 1, attempt: &attempt, stops: &|| false };
-    let mut tell = |item: &usize, ended: Ended| {
+    let manner = ItemRounds { slots: 1, attempt: &attempt, stops: &|| false };
+    let mut tell = |item: &usize, ended: ItemEnd| {
         told.lock().expect("no batch panics with it").take(folder, *item, ended);
         Ok(ended)
     };
@@ -120,8 +120,8 @@ fn play(seed: u64, planted: Option<Planted>) -> (Vec<String>, usize) {
     let world = World::new(seed, planted);
     let folder = world.lock().disk.folder.clone();
     let told = Arc::new(Mutex::new(Told::default()));
-    let batches = |count: usize| -> Vec<Job<Counts>> {
-        let one = |_| -> Job<Counts> {
+    let batches = |count: usize| -> Vec<Job<ItemCounts>> {
+        let one = |_| -> Job<ItemCounts> {
             let (world, folder, told) = (world.clone(), folder.clone(), told.clone());
             Box::new(move || {
                 let me = process().map_or(0, |(_, me)| me);
@@ -130,7 +130,7 @@ fn play(seed: u64, planted: Option<Planted>) -> (Vec<String>, usize) {
         };
         (0..count).map(one).collect()
     };
-    let all_done = Counts { done: ITEMS - 1, failed: 1, again: 0 };
+    let all_done = ItemCounts { done: ITEMS - 1, failed: 1, again: 0 };
     let ended = world.run(batches(BATCHES));
     world.calm();
     let mut faults = Vec::new();
@@ -161,7 +161,7 @@ fn play(seed: u64, planted: Option<Planted>) -> (Vec<String>, usize) {
             faults.push(format!("{name} is left at the end"));
         }
     }
-    let counts_sum = |counts: &Counts| counts.done + counts.failed + counts.again == ITEMS;
+    let counts_sum = |counts: &ItemCounts| counts.done + counts.failed + counts.again == ITEMS;
     if !ended.iter().chain(&last).all(counts_sum) {
         faults.push(format!("counts are not those of {ITEMS} items: {ended:?} {last:?}"));
     }
