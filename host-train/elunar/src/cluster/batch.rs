@@ -48,7 +48,7 @@ pub fn run(
 ) -> Result<ItemCounts> {
     interrupt::listen();
     let start = Instant::now();
-    let manner = ItemRounds {
+    let rounds = ItemRounds {
         slots: options.jobs,
         attempt: &|item: &Line, slot| {
             let (start_s, start) = (now_s(), Instant::now());
@@ -65,7 +65,7 @@ pub fn run(
             ItemOutcome::TryAgain => ItemEnd::TryAgain,
         })
     };
-    manner.run(items, &mut told, &mut || start.elapsed() < options.wait && pauses())
+    rounds.run(items, &mut told, &mut || start.elapsed() < options.wait && pauses())
 }
 
 /// Waits for the next round; returns whether there is one.

@@ -100,19 +100,19 @@ fn batch(world: &Arc<World>, folder: &Path, told: &Mutex<Told>, me: usize) -> It
             None => ItemEnd::TryAgain,
         }
     };
-    let manner = ItemRounds { slots: 1, attempt: &attempt, stops: &|| false };
+    let rounds = ItemRounds { slots: 1, attempt: &attempt, stops: &|| false };
     let mut tell = |item: &usize, ended: ItemEnd| {
         told.lock().expect("no batch panics with it").take(folder, *item, ended);
         Ok(ended)
     };
-    let mut rounds = 1;
+    let mut round = 1;
     let mut waits = || {
-        rounds += 1;
+        round += 1;
         // Others go on meanwhile. Whether the step fails does not matter.
         let _ = before(Step::Judge, folder);
-        rounds <= ROUNDS
+        round <= ROUNDS
     };
-    manner.run(&items.iter().collect::<Vec<_>>(), &mut tell, &mut waits).expect("telling does not fail")
+    rounds.run(&items.iter().collect::<Vec<_>>(), &mut tell, &mut waits).expect("telling does not fail")
 }
 
 /// Plays a schedule; returns what must not be, and how many batches said that all is done.
@@ -191,11 +191,7 @@ fn planted_faults_are_found() {
         (Planted::NoSync, "is lost or another"),
         (Planted::CheckThenAct, " own "),
     ] {
-        let is_found =
-            |seed| Some((seed, play(seed, Some(planted)).0.into_iter().find(|text| text.contains(expected))?));
-        let found = (1..1000).find_map(is_found);
-        println!("{planted:?}: {found:?}");
-        assert!(found.is_some(), "{planted:?}");
+        assert_found(planted, expected, |seed| play(seed, Some(planted)).0);
     }
 }
 

@@ -56,6 +56,14 @@ impl Random {
     }
 }
 
+/// Checks that one of the first schedules finds what was planted, in these words.
+fn assert_found(planted: Planted, expected: &str, play: impl Fn(u64) -> Vec<String>) {
+    let is_found = |seed| Some((seed, play(seed).into_iter().find(|text| text.contains(expected))?));
+    let found = (1..1000).find_map(is_found);
+    println!("{planted:?}: {found:?}");
+    assert!(found.is_some(), "{planted:?}");
+}
+
 /// How a process stands.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Phase {
@@ -185,7 +193,7 @@ fn before(step: Step, path: &Path) -> Result<()> {
 }
 
 impl State {
-    /// Chooses who goes on. One that waits is only chosen when it is killed.
+    /// Chooses who goes on. One that waits is chosen when what it waits for has ended, or to be killed.
     fn pass_on(&mut self) {
         let kills = self.kills > 0 && self.random.below(self.kills) == 0;
         let may = |phase: Phase| match phase {

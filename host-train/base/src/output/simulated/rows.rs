@@ -199,10 +199,6 @@ fn planted_faults_are_found() {
         (Planted::NoFolderSync, "rows on disk"),
         (Planted::CheckThenAct, " own "),
     ] {
-        let is_found =
-            |seed| Some((seed, play(seed, Some(planted)).0.into_iter().find(|text| text.contains(expected))?));
-        let found = (1..1000).find_map(is_found);
-        println!("{planted:?}: {found:?}");
-        assert!(found.is_some(), "{planted:?}");
+        assert_found(planted, expected, |seed| play(seed, Some(planted)).0);
     }
 }
