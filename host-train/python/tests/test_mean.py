@@ -1,4 +1,7 @@
-"""The standard deviation of a mean height is that of means of simulated errors."""
+"""The standard deviation of a mean height is that of means of simulated errors, and that of the scripts' own form."""
+
+import runpy
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +27,7 @@ def disc(shape, row, col, radius):
 
 @pytest.mark.parametrize("length_m", [30.0, 200.0, 1500.0])
 def test_means_of_simulated_errors_have_it(length_m):
+    in_numpy = runpy.run_path(str(Path(__file__).parents[2] / "suites/means.py"))["sigma_of_mean"]
     random, shape, number = np.random.default_rng(5), (24, 30), 4000
     image_sd = 0.5 + 2 * random.random(shape)
     errors = COARSE_SIGMA_M * fields(shape, length_m, number, random)
@@ -32,6 +36,7 @@ def test_means_of_simulated_errors_have_it(length_m):
     for where in (disc(shape, 5, 6, 0), disc(shape, 12, 9, 4), disc(shape, 11, 15, 11), scattered):
         sigma, sizes = np.hypot(image_sd, COARSE_SIGMA_M).astype("f4"), (PIXEL_M, COARSE_PIXEL_M)
         stated = _native.sigma_of_mean(sigma, where, sizes, (COARSE_SIGMA_M, length_m))
+        assert stated == pytest.approx(in_numpy(sigma, where, *sizes, COARSE_SIGMA_M, length_m), rel=1e-9)
         # Four standard deviations of that of 4,000 means.
         assert abs(errors[:, where].mean(1).std() / stated - 1) < 4 / np.sqrt(2 * number)
 
