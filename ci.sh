@@ -99,8 +99,10 @@ test() {
     cargo test --locked --workspace
 }
 
-# The Python package: a wheel in an environment of its own, with its tests, types and example. Built as `test` builds, so that little is
-# compiled again.
+# The programs. Together they have the features that they have in `test`, so nothing of it is compiled again.
+programs() { cargo build --locked --package elunar --package elunar-web --package host-train; }
+
+# The Python package: a wheel in an environment of its own, with its tests, types and example.
 python() {
     local venv="$target/python" wheels="$target/wheels" root="$PWD"
     if ! python3 -c "import ensurepip, sys, venv; sys.exit(sys.version_info < (3, 10))" 2>/dev/null; then
@@ -112,7 +114,7 @@ python() {
         echo "SKIPPED: python: maturin and what the tests need cannot be installed (pip install maturin)"
         return
     fi
-    cargo build --locked --package elunar
+    programs
     rm -rf "$wheels"
     "$venv/bin/maturin" build --quiet --locked --profile dev --out "$wheels"
     "$venv/bin/python" -m pip install --quiet --no-deps --force-reinstall "$wheels"/elunardtm-*.whl
@@ -143,7 +145,7 @@ page() {
         echo "SKIPPED: page in a browser: chromium is not here (Debian package chromium)"
         return
     fi
-    cargo build --locked --package elunar --package elunar-web --package host-train
+    programs
     host-train/web/test/page.mjs "$target/page" "$target/debug/elunar" "$target/debug/elunar-web"
     local made="$target/page-reports"
     "$target/debug/host-train" demo --out "$made/tour" --steps 4 >/dev/null
@@ -224,7 +226,8 @@ no_std() {
     # The same bytes from two folders.
     onboard/flight/archive.sh --check
     # C and C++ programs against the archive itself, with no other library.
-    ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --test c --test guides --test cfs
+    ELUNAR_ARCHIVE="$target/flight/release/libelunar.a" cargo test --locked --package elunar-capi --package host-train \
+        --test c --test guides --test cfs # with the features of `test`
     if [ -d "$(rustc --print sysroot)/lib/rustlib/$bare" ]; then
         cargo build --locked --release --manifest-path "$flight" --target-dir "$target/flight" --target "$bare"
         inspect "$target/flight/$bare/release/libelunar.a"
@@ -276,7 +279,7 @@ no_panic() {
 
 # A manifest on a Slurm cluster of three nodes on this machine, in GNU parallel and in Snakemake. Each engine is optional.
 cluster() {
-    cargo build --locked --package elunar
+    programs
     host-train/cluster/check.sh "$target/debug/elunar" host-train/models/nano.eld
 }
 

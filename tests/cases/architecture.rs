@@ -1,7 +1,9 @@
 //! Checks rules for the whole repository: dependencies between packages, length of files, places of `unsafe`.
 
 use elunar_tests::repository;
+use serde_json::Value;
 use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{DefaultHasher, Hash, Hasher};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -256,36 +258,62 @@ fn the_flight_workspace_flies_nothing_else() {
     assert!(packages.contains("elunar-capi") && !packages.contains("host-train"));
 }
 
-/// Returns packages with their features, one line each.
-fn features(arguments: &[&str]) -> BTreeSet<String> {
+/// What a command of Cargo compiles: for every step a hash of all that it depends on, and its name and features. By Cargo's own plan, which only
+/// unstable options print.
+fn compiled(arguments: &[&str]) -> BTreeMap<u64, String> {
     let out = Command::new(env!("CARGO"))
-        .args(["tree", "--offline", "--locked", "--prefix", "none", "--format", "{p}|{f}|"])
         .args(arguments)
+        .args(["--offline", "--locked", "--unit-graph", "-Z", "unstable-options"])
+        .env("RUSTC_BOOTSTRAP", "1")
         .current_dir(repository())
         .output()
         .unwrap();
-    assert!(out.status.success(), "cargo tree {arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
-    // Cargo marks repeated packages with "(*)", after the last bar.
-    let line = |line: &str| line.rsplit_once('|').map(|(package, _)| package.to_string());
-    String::from_utf8(out.stdout).unwrap().lines().filter_map(line).collect()
+    assert!(out.status.success(), "cargo {arguments:?}: {}", String::from_utf8_lossy(&out.stderr));
+    let plan: Value = serde_json::from_slice(&out.stdout).unwrap();
+    let steps = plan["units"].as_array().unwrap();
+    let mut hashes = vec![None; steps.len()];
+    (0..steps.len()).map(|i| (hash(steps, i, &mut hashes), name(&steps[i]))).collect()
+}
+
+/// Returns package, target and features of a step.
+fn name(step: &Value) -> String {
+    let package = step["pkg_id"].as_str().unwrap().rsplit('/').next().unwrap();
+    let features: Vec<&str> = step["features"].as_array().unwrap().iter().map(|f| f.as_str().unwrap()).collect();
+    format!("{package} {} {}", step["target"]["name"].as_str().unwrap(), features.join(","))
+}
+
+/// Returns a hash of a step and of all that it depends on.
+fn hash(steps: &[Value], i: usize, known: &mut [Option<u64>]) -> u64 {
+    if let Some(hash) = known[i] {
+        return hash;
+    }
+    let step = &steps[i];
+    // `dev` and `test` are the same settings under two names.
+    let mut profile = step["profile"].clone();
+    profile["name"] = Value::Null;
+    let dependencies = step["dependencies"].as_array().unwrap().iter();
+    let mut all: Vec<u64> = dependencies.map(|d| hash(steps, d["index"].as_u64().unwrap() as usize, known)).collect();
+    all.sort_unstable();
+    let mut hasher = DefaultHasher::new();
+    let settings = [&profile, &step["mode"], &step["target"]["kind"], &step["platform"]].map(Value::to_string);
+    (name(step), settings, all).hash(&mut hasher);
+    known[i] = Some(hasher.finish());
+    hasher.finish()
 }
 
 #[test]
 fn running_and_testing_share_one_build_of_the_dependencies() {
-    let run = features(&["--package", "host-train", "--edges", "normal,build"]);
-    let test = features(&["--workspace", "--edges", "normal,build,dev"]);
-    assert!(run.iter().any(|line| line.starts_with("burn ")) && run.len() > 100, "{} packages", run.len());
-    let apart: Vec<&String> = run.difference(&test).collect();
-    assert_eq!(
-        apart, [""; 0],
-        "built once more by `cargo test`: see the last dependencies in host-train/learn/Cargo.toml"
-    );
+    let tested = compiled(&["test", "--workspace", "--no-run"]);
+    let apart = |run: &BTreeMap<u64, String>| -> Vec<String> {
+        run.iter().filter(|(hash, _)| !tested.contains_key(hash)).map(|(_, name)| name.clone()).collect()
+    };
+    let run = compiled(&["build", "--package", "host-train"]);
+    assert!(run.values().any(|name| name.starts_with("crates.io-index#burn-core@")) && run.len() > 300, "{run:?}");
+    assert_eq!(apart(&run), [""; 0], "compiled once more: see the last dependencies in host-train/learn/Cargo.toml");
     // Burn is slow to build, so testing `learn` alone must not build it again. Our own crates may differ in features.
-    let learn = features(&["--package", "elunar-learn", "--edges", "normal,build,dev"]);
-    let ours = ours();
-    let name = |line: &str| line.split(' ').next().unwrap_or_default().to_string();
-    let apart: Vec<&String> = learn.difference(&test).filter(|line| !ours.contains(&name(line))).collect();
-    assert_eq!(apart, [""; 0], "built once more by `cargo test -p elunar-learn`");
+    let learn = apart(&compiled(&["test", "--package", "elunar-learn", "--no-run"]));
+    let foreign: Vec<&String> = learn.iter().filter(|name| name.starts_with("crates.io-index#")).collect();
+    assert_eq!(foreign, [""; 0], "compiled once more by `cargo test -p elunar-learn`");
 }
 
 #[test]
