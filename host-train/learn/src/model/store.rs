@@ -1,13 +1,12 @@
 //! Conversion between the Burn modules and named arrays, with parameter names and layouts of the reference implementation.
 
 use super::elunar::ELunarDtmNet;
-use burn::module::{Module, ModuleMapper, ModuleVisitor, Param, ParamId};
+use burn::module::{Module, ModuleMapper, ModuleVisitor, Param};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_base::{Error, Result};
 use elunar_net::config::NetConfig;
 use elunar_net::fit::check_fit;
 use elunar_net::weights::{Array, NetWeights};
-use sha2::{Digest, Sha256};
 use std::collections::BTreeMap;
 use std::path::Path;
 
@@ -171,15 +170,7 @@ impl ModuleMapper for Loader<'_> {
             data = transpose(&data, shape[0], shape[1]);
             shape.reverse();
         }
-        let (_, old, mapper) = param.consume();
-        let value =
-            Tensor::from_data(TensorData::new(data, shape), &self.device).set_require_grad(old.is_require_grad());
-        Param::from_mapped_value(stable_id(&name), value, mapper)
+        let data = TensorData::new(data, shape);
+        param.map(|old| Tensor::from_data(data, &self.device).set_require_grad(old.is_require_grad()))
     }
-}
-
-/// Returns a parameter id that depends only on the name, so that a saved optimiser finds its parameters after a restart.
-fn stable_id(name: &str) -> ParamId {
-    let digest = Sha256::digest(name.as_bytes());
-    ParamId::from(u64::from_le_bytes(digest[..8].try_into().expect("eight bytes")))
 }

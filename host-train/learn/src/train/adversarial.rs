@@ -6,10 +6,11 @@
 //! network:  hybrid loss + weight * mean((C(prediction) - 1)²)          the critic as it is then
 //! ```
 
+use super::adamw::{AdamW, Rule};
 use crate::model::critic::Critic;
 use crate::model::init::normal_weights;
 use crate::model::store;
-use burn::optim::{AdamConfig, GradientsParams, ModuleOptimizer};
+use burn::optim::GradientsParams;
 use burn::tensor::{Device, Tensor};
 use elunar_base::Result;
 use elunar_net::config::NetConfig;
@@ -52,8 +53,7 @@ impl Adversarial {
 /// A critic and its optimiser.
 pub struct Opponent {
     critic: Critic,
-    /// Adam and its moments.
-    pub optimiser: ModuleOptimizer,
+    pub(super) optimiser: AdamW,
     recipe: Adversarial,
     /// Factor that brings normalised elevation to [0, 1].
     scale: f64,
@@ -76,8 +76,8 @@ impl Opponent {
         let critic = Critic::new(config.image_maps() + 2, recipe.width, device);
         let weights = normal_weights(store::arrays(&critic), seed);
         let critic = store::put(critic, &weights, Path::new("critic"), device)?;
-        // The first moment's decay is 0.5, as usual for critics.
-        let optimiser = AdamConfig::new().with_beta_1(0.5).with_epsilon(1e-8).init();
+        // Adam; the first moment's decay is 0.5, as usual for critics.
+        let optimiser = AdamW::new(Rule { betas: [0.5, 0.999], weight_decay: 0.0, clip_norm: f32::INFINITY });
         Ok(Self { critic, optimiser, recipe, scale: 1.0 / f64::from(config.nr) })
     }
 
@@ -101,13 +101,16 @@ impl Opponent {
     }
 
     /// Trains the critic on a truth and a prediction. Then returns the weighted adversarial term of the prediction, `[1]`.
-    pub fn term(&mut self, scene: &CriticInput, truth: Tensor<4>, prediction: Tensor<4>) -> Tensor<1> {
+    ///
+    /// # Errors
+    /// If the optimiser's moments are those of another critic.
+    pub fn term(&mut self, scene: &CriticInput, truth: Tensor<4>, prediction: Tensor<4>) -> Result<Tensor<1>> {
         let halved = |scores: Tensor<4>| scores.powi_scalar(2).mean().mul_scalar(0.5);
         let real = halved(self.score(scene, truth).sub_scalar(1.0));
         let made = halved(self.score(scene, prediction.clone().detach()));
         let gradients = GradientsParams::from_grads(real.add(made).backward(), &self.critic);
-        self.critic = self.optimiser.step(self.recipe.learning_rate, self.critic.clone(), gradients);
+        self.critic = self.optimiser.step(self.recipe.learning_rate, self.critic.clone(), gradients)?;
         let term = self.score(scene, prediction).sub_scalar(1.0).powi_scalar(2).mean();
-        term.mul_scalar(self.recipe.weight)
+        Ok(term.mul_scalar(self.recipe.weight))
     }
 }

@@ -2,7 +2,6 @@
 
 use super::average::Average;
 use super::step::Trainer;
-use burn::optim::ModuleOptimizer;
 use elunar_base::digest::sha256_hex;
 use elunar_base::output::remove_folder;
 use elunar_base::{Error, Result, atomic_write, read};
@@ -14,10 +13,10 @@ const FOLDER: &str = "checkpoint";
 const SPARE: &str = "checkpoint.old";
 const FRESH: &str = "checkpoint.new";
 const WEIGHTS: &str = "weights.safetensors";
-const OPTIMISER: &str = "optimiser.bpk";
+const OPTIMISER: &str = "optimiser.safetensors";
 const AVERAGE: &str = "average.safetensors";
 /// Files of an adversarial run's critic.
-const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.bpk"];
+const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.safetensors"];
 const STATE: &str = "state.json";
 /// Most bytes of a file of a checkpoint: an optimiser has several numbers for every weight.
 const MOST_STATE_BYTES: u64 = 8 * read::MOST_BYTES;
@@ -58,9 +57,9 @@ pub struct Checkpoint {
     pub weights: NetWeights,
     /// Averaged weights, if there are any.
     pub average: Option<NetWeights>,
-    /// Burn's record of the optimiser.
+    /// The optimiser's file.
     optimiser: Vec<u8>,
-    /// The critic's weights and its optimiser's record.
+    /// The critic's weights and its optimiser's file.
     critic: Option<(NetWeights, Vec<u8>)>,
 }
 
@@ -79,11 +78,8 @@ pub fn save(
     remove_folder(&fresh, &FILES)?;
     std::fs::create_dir_all(&fresh).map_err(Error::io(&fresh))?;
     let weights = weights.to_bytes();
-    let optimiser = record(&trainer.optimiser)?;
-    let critic = match &trainer.opponent {
-        Some(opponent) => Some([opponent.weights().to_bytes(), record(&opponent.optimiser)?]),
-        None => None,
-    };
+    let optimiser = trainer.optimiser.to_bytes();
+    let critic = trainer.opponent.as_ref().map(|it| [it.weights().to_bytes(), it.optimiser.to_bytes()]);
     let average = average.map(|average| average.weights.to_bytes());
     let average_sha256 = average.as_ref().map(sha256_hex);
     let critic_sha256 = critic.as_ref().map(|parts| parts.each_ref().map(sha256_hex));
@@ -148,6 +144,11 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
         None => None,
     };
     let average = state.average_sha256.as_ref().map(|expected| weights(AVERAGE, expected)).transpose()?;
+    if !folder.join(OPTIMISER).exists() {
+        let what =
+            format!("expected {OPTIMISER}, found none; go on with the version of the program that began the run");
+        return Err(Error::broken(&folder, what));
+    }
     let (_, optimiser) = whole(OPTIMISER, &state.optimiser_sha256)?;
     Ok(Some(Checkpoint { weights: weights(WEIGHTS, &state.weights_sha256)?, average, optimiser, critic, state }))
 }
@@ -156,23 +157,13 @@ impl Checkpoint {
     /// Sets the saved moments of `trainer`, and its critic if it has one.
     ///
     /// # Errors
-    /// If a critic is missing or does not fit, or Burn cannot read a record.
+    /// If a critic is missing or does not fit, or a file is not an optimiser's.
     pub fn restore(&self, trainer: &mut Trainer) -> Result<()> {
-        trainer.optimiser = restored(trainer.optimiser.clone(), &self.optimiser)?;
+        trainer.optimiser.restore(Path::new(OPTIMISER), &self.optimiser, &trainer.device)?;
         let Some(opponent) = &mut trainer.opponent else { return Ok(()) };
-        let (weights, record) =
+        let (weights, moments) =
             self.critic.as_ref().ok_or_else(|| Error::input("checkpoint: expected a critic, found none"))?;
         opponent.restore(weights, Path::new(CRITIC[0]), &trainer.device)?;
-        opponent.optimiser = restored(opponent.optimiser.clone(), record)?;
-        Ok(())
+        opponent.optimiser.restore(Path::new(CRITIC[1]), moments, &trainer.device)
     }
-}
-
-fn record(optimiser: &ModuleOptimizer) -> Result<Vec<u8>> {
-    Ok(optimiser.into_bytes().map_err(|e| Error::input(format!("optimiser state: {e}")))?.to_vec())
-}
-
-fn restored(optimiser: ModuleOptimizer, record: &[u8]) -> Result<ModuleOptimizer> {
-    let bytes = burn::tensor::Bytes::from_bytes_vec(record.to_vec());
-    optimiser.from_bytes(bytes).map_err(|e| Error::input(format!("optimiser state: {e}")))
 }

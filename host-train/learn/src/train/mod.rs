@@ -12,6 +12,7 @@ pub mod checkpoint;
 pub mod curves;
 pub mod elevation_only;
 pub mod feed;
+mod flat;
 pub mod journal;
 mod kept;
 pub mod loss;

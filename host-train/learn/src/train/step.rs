@@ -1,6 +1,6 @@
 //! One optimiser step: forward, loss, backward, AdamW.
 
-use super::adamw::ClippedAdamW;
+use super::adamw::{AdamW, Rule};
 use super::adversarial::{CriticInput, Opponent};
 use super::journal::StepRecord;
 use super::loss::{balance, terms};
@@ -11,7 +11,7 @@ use crate::model::elunar::ELunarDtmNet;
 use crate::model::store;
 use crate::model::swin::depth::factors;
 use crate::stopwatch::{TrainingPart, time};
-use burn::optim::{GradientsAccumulator, GradientsParams, ModuleOptimizer};
+use burn::optim::{GradientsAccumulator, GradientsParams};
 use burn::tensor::{Device, Tensor, TensorData};
 use elunar_base::{Error, Result};
 use elunar_net::config::{ImageEncoderKind, NetConfig, TruthRange};
@@ -29,8 +29,7 @@ pub struct Trainer {
     pub device: Device,
     /// The network.
     pub net: ELunarDtmNet,
-    /// AdamW and its moments.
-    pub optimiser: ModuleOptimizer,
+    pub(super) optimiser: AdamW,
     /// Critic of an adversarial recipe.
     pub opponent: Option<Opponent>,
     /// Devices of the micro-batches.
@@ -50,6 +49,8 @@ fn add(sum: &mut Figures, more: Figures) {
     sum.iter_mut().zip(more).for_each(|(sum, more)| *sum += more);
 }
 
+/// Shares of AdamW's old moments; the defaults of PyTorch and of Burn.
+const BETAS: [f32; 2] = [0.9, 0.999];
 /// Seed of a critic's weights. Their random streams differ from any network's by the names of its tensors.
 const OPPONENT_SEED: u64 = 1;
 
@@ -83,12 +84,12 @@ impl Trainer {
         let devices: Vec<Device> = devices.into_iter().map(differentiate).collect();
         let device = devices.first().ok_or_else(|| Error::input("devices: expected at least one, found none"))?.clone();
         let group = if devices.len() > 1 { Some(DeviceGroup::new(&devices)?) } else { None };
-        let optimiser = ClippedAdamW::new(recipe.weight_decay, recipe.clip_norm).into();
+        let rule = Rule { betas: BETAS, weight_decay: recipe.weight_decay, clip_norm: recipe.clip_norm };
         let net = store::load(config, weights, path, &device)?;
         let opponent = recipe.adversarial.map(|a| Opponent::new(config, a, OPPONENT_SEED, &device)).transpose()?;
         let swin = config.image_encoder == ImageEncoderKind::Swin;
         let blocks = if swin { config.depths.iter().sum() } else { 0 };
-        Ok(Self { device, net, optimiser, opponent, devices, group, seed: 0, blocks })
+        Ok(Self { device, net, optimiser: AdamW::new(rule), opponent, devices, group, seed: 0, blocks })
     }
 
     /// Sets the seed of stochastic depth [default: 0].
@@ -118,7 +119,7 @@ impl Trainer {
     /// figures are means over the micro-batches. Batch normalisation uses one at a time.
     ///
     /// # Errors
-    /// If the loss is not finite. Then no weight has changed.
+    /// If the loss is not finite, or the optimiser's moments are those of another network. Then no weight has changed.
     ///
     /// # Panics
     /// If the devices cannot have the same number each.
@@ -142,7 +143,7 @@ impl Trainer {
         }
         let learning_rate = recipe.learning_rate_at(step);
         let learn = || self.optimiser.step(learning_rate, self.net.clone(), gradients.grads());
-        self.net = time(TrainingPart::Optimiser, || in_pool(learn));
+        self.net = time(TrainingPart::Optimiser, || in_pool(learn))?;
         let [loss, elevation, gradient, normal] = figures;
         Ok(StepRecord { step: step + 1, learning_rate, loss, elevation, gradient, normal })
     }
@@ -198,7 +199,7 @@ impl Task<'_> {
             });
             let mut total = recipe.weights_at(step).total(&terms);
             if let Some(opponent) = opponent.as_mut().filter(|_| !recipe.elevation_alone(step)) {
-                total = total.add(opponent.term(&CriticInput { image, coarse }, truth, prediction));
+                total = total.add(opponent.term(&CriticInput { image, coarse }, truth, prediction)?);
             }
             let four = [&total, &terms.elevation, &terms.gradient, &terms.normal].map(|t| t.clone().detach());
             let total = if share < 1.0 { total.mul_scalar(share) } else { total };

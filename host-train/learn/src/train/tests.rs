@@ -116,7 +116,8 @@ fn resumes_bit_for_bit(kind: &(NetConfig, Recipe)) {
     let text = std::fs::read_to_string(&steps).unwrap() + &format!("{},0,0,0,0,0\n{},0,", stop + 1, stop + 2);
     std::fs::write(&steps, text).unwrap();
     assert!(run(&parts, true, None).train().unwrap().finished);
-    for file in [BEST, LAST, "steps.csv", "validation.csv"] {
+    for file in [BEST, LAST, "steps.csv", "validation.csv", "checkpoint/optimiser.safetensors", "checkpoint/state.json"]
+    {
         let [a, b] = [&whole, &parts].map(|f| std::fs::read(f.join(file)).unwrap());
         assert!(a == b, "{file} differs");
     }
@@ -248,16 +249,19 @@ fn a_run_is_never_overwritten_or_mixed_with_another() {
 }
 
 #[test]
-fn a_flipped_byte_in_a_checkpoint_is_refused() {
+fn a_checkpoint_with_a_flipped_byte_or_without_an_optimiser_is_refused() {
     let folder = tempfile::tempdir().unwrap();
     run(folder.path(), false, Some(2)).train().unwrap();
-    let path = folder.path().join("checkpoint/optimiser.bpk");
+    let path = folder.path().join("checkpoint/optimiser.safetensors");
     let mut bytes = std::fs::read(&path).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&path, bytes).unwrap();
-    let error = run(folder.path(), true, None).train().unwrap_err().to_string();
-    assert!(error.contains("SHA-256"), "{error}");
+    let refused = || run(folder.path(), true, None).train().unwrap_err().to_string();
+    assert!(refused().contains("SHA-256"), "{}", refused());
+    // As earlier versions left it, whose file had another name and form.
+    std::fs::rename(&path, path.with_extension("bpk")).unwrap();
+    assert!(refused().contains("the version of the program that began the run"), "{}", refused());
 }
 
 #[test]
