@@ -303,9 +303,9 @@ mod tests {
     #[test]
     fn parameters_stay_what_they_are() {
         let device = Device::flex().autodiff().gradient_checkpointing();
-        let layer: Linear = LinearConfig::new(3, 3).with_bias(false).init(&device);
-        let after = AdamW::new(RULE).step(1e-2, vec![layer.clone()], gradients(&[layer.clone()], 1, 1.0)).unwrap();
-        let [before, after] = [&layer, &after[0]].map(|layer| layer.weight.val());
+        let layers: Vec<Linear> = vec![LinearConfig::new(3, 3).with_bias(false).init(&device)];
+        let after = AdamW::new(RULE).step(1e-2, layers.clone(), gradients(&layers, 1, 1.0)).unwrap();
+        let [before, after] = [&layers, &after].map(|layers| layers[0].weight.val());
         assert!(after.is_require_grad());
         assert_eq!(after.gradient_checkpointing_strategy(), before.gradient_checkpointing_strategy());
         assert_eq!(after.device(), before.device());
