@@ -125,6 +125,12 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
         let bytes = read::bytes(&path, MOST_STATE_BYTES)?;
         Ok((path, bytes))
     };
+    // Earlier versions had files of other names and forms for optimisers.
+    if !folder.join(OPTIMISER).exists() {
+        let what =
+            format!("expected {OPTIMISER}, found none; go on with the version of the program that began the run");
+        return Err(Error::broken(&folder, what));
+    }
     let (state_path, state) = read(STATE)?;
     let state: RunState = serde_json::from_slice(&state).map_err(|e| Error::broken(&state_path, e.to_string()))?;
     let whole = |name: &str, expected: &str| -> Result<(PathBuf, Vec<u8>)> {
@@ -144,11 +150,6 @@ pub fn load(run: &Path) -> Result<Option<Checkpoint>> {
         None => None,
     };
     let average = state.average_sha256.as_ref().map(|expected| weights(AVERAGE, expected)).transpose()?;
-    if !folder.join(OPTIMISER).exists() {
-        let what =
-            format!("expected {OPTIMISER}, found none; go on with the version of the program that began the run");
-        return Err(Error::broken(&folder, what));
-    }
     let (_, optimiser) = whole(OPTIMISER, &state.optimiser_sha256)?;
     Ok(Some(Checkpoint { weights: weights(WEIGHTS, &state.weights_sha256)?, average, optimiser, critic, state }))
 }
