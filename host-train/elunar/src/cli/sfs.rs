@@ -3,7 +3,7 @@
 use crate::held::Held;
 use crate::job::{Inputs, Opened, warn};
 use crate::outputs::{self as output, OutputTarget};
-use elunar_base::{Error, Result, interrupt};
+use elunar_base::{Error, Result};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_net::sun::check_sun;
@@ -83,7 +83,6 @@ impl Solving {
     /// If an option is out of range, an input cannot be read, or the Sun is neither known nor to be fitted.
     pub fn open(args: &Args, held: &Held) -> Result<Self> {
         check_sun(args.inputs.known_sun())?;
-        interrupt::listen();
         let Opened { image, scene, sun } = args.inputs.open(held)?;
         if !args.inputs.fit_sun {
             both_angles(sun.sun, &image.name)?;

@@ -77,7 +77,6 @@ pub fn run(args: Args) -> Result<()> {
     let moon = Moon::new(args.seed, options.clone())?;
     let fixed = [MANIFEST, SHEET].map(String::from);
     let _owner = Owner::of_folder(&args.out, "synth", (0..args.scenes).flat_map(scene_files).chain(fixed))?;
-    interrupt::listen();
     let bar = progress::bar("", args.scenes, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {
         if interrupt::requested() {
