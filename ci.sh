@@ -33,6 +33,7 @@ lint() {
     RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --package elunar-core --package elunar-capi
     core/docs/api.py "$target/doc" # the public interface is the one that is written down
     onboard/capi/misra.py          # what MISRA C finds in the C code is listed with its reasons
+    benches/peers/best.py          # the table of the best other runtimes is that of the records
 }
 
 # Whether elunar-raster can be published, with the packages that it stands on. What is built in: bills of materials, licences, sources,

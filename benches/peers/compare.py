@@ -56,7 +56,7 @@ def arguments():
     parser.add_argument("--without", nargs="*", default=[], choices=sorted(PEERS), metavar="RUNTIME", help="leave out some of: %(choices)s")
     parser.add_argument("--binaries", type=Path, help="folder of built programs, such as target/release (default: build)")
     parser.add_argument("--json", action="store_true", help="print JSON")
-    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-peers/")
+    parser.add_argument("--record", type=Path, metavar="FOLDER", help="also write FOLDER/<date>-peers/, or -peers-N-threads/")
     a = parser.parse_args()
     if a.rounds < 1:
         parser.error(f"--rounds: expected at least 1, found {a.rounds}")
@@ -144,7 +144,8 @@ def main():
     lines, rows = record.tile_lines(report), record.tile_rows(report)
     print(json.dumps(report, indent=1) if a.json else record.text(lines, rows))
     if a.record:
-        files.say(f"wrote {record.write(a.record / (report['date'] + '-peers'), 'tiles', lines, rows)}")
+        threads = f"-{a.threads}-threads" if a.threads > 1 else ""
+        files.say(f"wrote {record.write(a.record / (report['date'] + '-peers' + threads), 'tiles', lines, rows)}")
 
 
 if __name__ == "__main__":

@@ -7,8 +7,10 @@ use std::fs::{File, FileType};
 use std::io::{ErrorKind, Read};
 use std::path::Path;
 
-/// Most bytes of a file of weights, a model, or a list of many items (our choice).
+/// Most bytes of a list of many items (our choice).
 pub const MOST_BYTES: u64 = 1 << 30;
+/// Most bytes of a file of weights, or a model (our choice): three times those of the paper's network.
+pub const MOST_WEIGHTS_BYTES: u64 = 1 << 32;
 /// Most bytes of a file of settings (our choice).
 pub const MOST_SETTINGS_BYTES: u64 = 1 << 24;
 /// Ends of the names of inputs that are no rasters.

@@ -52,7 +52,7 @@ pub struct FloatModel {
 /// # Errors
 /// If the file cannot be read, is broken, has no configuration, or its tensors do not fit it.
 pub fn open(path: &Path, backend: Backend) -> Result<FloatModel> {
-    let bytes = read::bytes(path, read::MOST_BYTES)?;
+    let bytes = read::bytes(path, read::MOST_WEIGHTS_BYTES)?;
     let hash = sha256_hex(&bytes);
     let weights = NetWeights::from_bytes(path, &bytes)?;
     let config = config_of(&weights, path)?;

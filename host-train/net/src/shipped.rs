@@ -43,7 +43,7 @@ pub fn find(path: &Path) -> Option<(&'static str, &'static [u8])> {
     Some((MODELS[model].1, bytes(model)))
 }
 
-/// Returns file name and bytes of a model: the shipped one that `path` names, or a file of at most [`read::MOST_BYTES`].
+/// Returns file name and bytes of a model: the shipped one that `path` names, or a file of at most [`read::MOST_WEIGHTS_BYTES`].
 ///
 /// # Errors
 /// As [`read::bytes`].
@@ -52,7 +52,7 @@ pub fn model(path: &Path) -> Result<(String, Vec<u8>)> {
         return Ok((file.into(), bytes.to_vec()));
     }
     let name = path.file_name().map_or_else(String::new, |name| name.to_string_lossy().into_owned());
-    Ok((name, read::bytes(path, read::MOST_BYTES)?))
+    Ok((name, read::bytes(path, read::MOST_WEIGHTS_BYTES)?))
 }
 
 #[cfg(test)]

@@ -29,7 +29,7 @@ impl NetWeights {
     /// # Errors
     /// [`Error::Io`] if unreadable, [`Error::Broken`] if the format is violated, [`Error::Unsupported`] for other sample types.
     pub fn read(path: &Path) -> Result<Self> {
-        let bytes = read::bytes(path, read::MOST_BYTES)?;
+        let bytes = read::bytes(path, read::MOST_WEIGHTS_BYTES)?;
         Self::from_bytes(path, &bytes)
     }
 

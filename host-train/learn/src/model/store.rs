@@ -174,3 +174,17 @@ impl ModuleMapper for Loader<'_> {
         param.map(|old| Tensor::from_data(data, &self.device).set_require_grad(old.is_require_grad()))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use elunar_base::read::MOST_WEIGHTS_BYTES;
+    use elunar_net::config::Preset;
+
+    #[test]
+    fn weights_of_the_paper_can_be_read() {
+        let shapes = outline(&NetConfig::preset(Preset::Paper), &Device::flex());
+        let bytes = 4 * shapes.values().map(|shape| shape.iter().product::<usize>() as u64).sum::<u64>();
+        assert!((1 << 30..MOST_WEIGHTS_BYTES * 9 / 10).contains(&bytes), "{bytes}");
+    }
+}

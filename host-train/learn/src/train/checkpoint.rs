@@ -19,7 +19,7 @@ const AVERAGE: &str = "average.safetensors";
 const CRITIC: [&str; 2] = ["critic.safetensors", "critic-optimiser.safetensors"];
 const STATE: &str = "state.json";
 /// Most bytes of a file of a checkpoint: an optimiser has several numbers for every weight.
-const MOST_STATE_BYTES: u64 = 8 * read::MOST_BYTES;
+const MOST_STATE_BYTES: u64 = 2 * read::MOST_WEIGHTS_BYTES;
 
 /// All files of a checkpoint.
 const FILES: [&str; 6] = [WEIGHTS, OPTIMISER, AVERAGE, CRITIC[0], CRITIC[1], STATE];

@@ -11,7 +11,7 @@ use std::path::Path;
 /// # Errors
 /// If the file cannot be read, or is broken.
 pub fn tensors(path: &Path) -> Result<String> {
-    let bytes = read::bytes(path, read::MOST_BYTES)?;
+    let bytes = read::bytes(path, read::MOST_WEIGHTS_BYTES)?;
     let weights = NetWeights::from_bytes(path, &bytes)?;
     let count: usize = weights.tensors.values().map(|a| a.data.len()).sum();
     let is_golden = weights.tensors.contains_key("input.image") && weights.metadata.contains_key("loss_terms");
