@@ -11,7 +11,7 @@ use super::renewal::{Renewal, Succession, is_at, is_old};
 use super::step::{Step, before, write};
 use super::target::check_target;
 use super::whole::UNFINISHED;
-use crate::{Error, Result, folder_of, interrupt};
+use crate::{Error, Result, folder_of};
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{ErrorKind, Read};
 use std::path::{Path, PathBuf};
@@ -96,8 +96,6 @@ impl Owner {
     }
 
     fn take(output: &Path, lock: PathBuf) -> Result<Self> {
-        // A Ctrl-C from here on leaves no lock behind.
-        interrupt::listen();
         let here = OutputRecord::here();
         remove_dead_claims(folder_of(&lock), &here);
         let own = |lock: PathBuf, (file, is_successor): Taken| {

@@ -1,7 +1,7 @@
 //! `elunar prepare`: makes a training set from images, DTMs and coarse DTMs.
 
 use clap::ValueEnum;
-use elunar_base::{Error, Result, progress};
+use elunar_base::{Error, Result, interrupt, progress};
 use elunar_data::prepare::list::SceneFiles;
 use elunar_data::prepare::{PrepareOptions, Split, TrainingSetManifest, list, run as prepare};
 use elunar_net::illumination::KnownSun;
@@ -101,6 +101,7 @@ pub fn run(args: Args) -> Result<()> {
         shard_tiles: args.shard_tiles,
         seed: args.seed,
     };
+    interrupt::listen();
     let bar = progress::bar("", 0, "tiles");
     let made = prepare(&scenes, &args.out, &parameters, &bar);
     bar.finish_and_clear();

@@ -76,6 +76,7 @@ pub fn run(args: Args) -> Result<()> {
     };
     let moon = Moon::new(args.seed, options.clone())?;
     let fixed = [MANIFEST, SHEET].map(String::from);
+    interrupt::listen();
     let _owner = Owner::of_folder(&args.out, "synth", (0..args.scenes).flat_map(scene_files).chain(fixed))?;
     let bar = progress::bar("", args.scenes, "scenes");
     let make = |index: u64| -> Result<(SceneEntry, Vec<Panel>)> {

@@ -139,6 +139,7 @@ impl Run {
     /// If the folder holds another run or another process writes it, tiles cannot be made, the loss is not finite, or files cannot be written.
     pub fn train(self) -> Result<TrainingResult> {
         self.record.recipe.check().map_err(Error::input)?;
+        interrupt::listen();
         let _owner = Owner::of_folder(&self.folder, COMMAND, files())?;
         let (mut state, first) = self.open()?;
         let recipe = &self.record.recipe;
