@@ -14,9 +14,7 @@ command -v "$qemu" >/dev/null || fail "$qemu: expected QEMU's user mode (Debian 
 
 work="$(mktemp -d)"
 trap 'rm -rf "$work"' EXIT
-api=1
-[ "$("$qemu" --version | sed -n '1s/.*version \([0-9]*\).*/\1/p')" -lt 9 ] || api=2
-cc -O2 -shared -fPIC -fvisibility=hidden -DAPI=$api -o "$work/counter.so" "$(dirname "$0")/../onboard/flight/boards/counter/instructions.c"
+"$(dirname "$0")/../onboard/flight/boards/counter/build.sh" "$qemu" instructions "$work/counter.so"
 
 # Instructions of `latency` with kernel $1 and $2 tiles of each kind; what it prints goes to $work/said.
 count() {

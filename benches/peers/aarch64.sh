@@ -32,9 +32,7 @@ if [ ! -e "$arm/ready" ]; then
         printf 'processor\t: %s\nFeatures\t: fp asimd aes pmull sha1 sha2 crc32 atomics fphp asimdhp asimdrdm lrcpc dcpop asimddp\n' "$core"
         printf 'CPU implementer\t: 0x41\nCPU architecture: 8\nCPU variant\t: 0x4\nCPU part\t: 0xd0b\nCPU revision\t: 1\n\n'
     done >"$arm/root/proc/cpuinfo"
-    api=1
-    [ "$(qemu-aarch64 --version | sed -n '1s/.*version \([0-9]*\).*/\1/p')" -lt 9 ] || api=2
-    cc -O2 -shared -fPIC -fvisibility=hidden -DAPI=$api -o "$arm/counter.so" "$here/../../onboard/flight/boards/counter/instructions.c"
+    "$here/../../onboard/flight/boards/counter/build.sh" qemu-aarch64 instructions "$arm/counter.so"
     touch "$arm/ready"
 fi
 

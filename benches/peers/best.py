@@ -29,7 +29,7 @@ def best():
         for network in {row["network"]: None for row in rows}:
             others = [row for row in rows if row["network"] == network and not row["runtime"].startswith("ours,")]
             fastest = min(others, key=lambda row: float(row["fastest"]))
-            of[network] = f"{fastest['fastest / ours']} {re.sub(r' .NNCF.|,.*', '', fastest['runtime'])}"
+            of[network] = f"{fastest['fastest / ours']} {fastest['runtime'].removesuffix(' (NNCF)')}"
     return found
 
 

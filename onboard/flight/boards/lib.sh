@@ -49,14 +49,8 @@ address() { "llvm-nm-$llvm" "$1" | awk -v name="$2" '$3 == name { print "0x" $1 
 # Builds the instruction counter.
 build_counter() { build_plugin instructions && mv "$build/instructions.so" "$build/counter.so"; }
 
-# Builds plugin $1 of counter/. QEMU's plugin interface has no version that old and new releases take.
-build_plugin() {
-    local release api=1
-    release="$(qemu-system-arm --version | sed -n '1s/.*version \([0-9]*\).*/\1/p')"
-    [ "$release" -lt 9 ] || api=2
-    mkdir -p "$build"
-    cc -O2 -Wall -Wextra -Werror -shared -fPIC -fvisibility=hidden -DAPI=$api -o "$build/$1.so" "$boards_dir/counter/$1.c"
-}
+# Builds plugin $1 of counter/.
+build_plugin() { mkdir -p "$build" && "$boards_dir/counter/build.sh" qemu-system-arm "$1" "$build/$1.so"; }
 
 # Runs program $1 with model $2 on the loaded board; what it prints goes to file $3, what is counted between its marks to file $4.
 run_counted() {

@@ -3,7 +3,7 @@
 use crate::held::Held;
 use crate::job::{Inputs, Opened, warn};
 use crate::outputs::{self as output, OutputTarget};
-use elunar_base::{Error, Result};
+use elunar_base::{Error, Result, interrupt};
 use elunar_core::nn::Illumination;
 use elunar_net::illumination::{KnownSun, LightSource, Lighting};
 use elunar_net::sun::check_sun;
@@ -136,6 +136,8 @@ pub fn write(args: &Args) -> Result<(String, String)> {
         output::extension(path, &["csv", "png"])?;
     }
     let further: Vec<OutputTarget> = args.curve.iter().map(|path| OutputTarget::File(path)).collect();
+    // A signal must not leave the lock.
+    interrupt::listen();
     let (owner, _owners) = output::take_dtm(&args.output, &further, &inputs)?;
     let solving = Solving::open(args, &Held::default())?;
     let Solving { scene, settings, journal, light } = &solving;

@@ -6,7 +6,7 @@ mod target;
 pub mod uses;
 
 use elunar_base::output::{Owner, check_target};
-use elunar_base::{Error, Result, interrupt};
+use elunar_base::{Error, Result};
 use std::path::{Path, PathBuf};
 pub use target::OutputTarget;
 use uses::Uses;
@@ -31,14 +31,12 @@ pub fn take_all<'a>(outputs: impl IntoIterator<Item = &'a PathBuf>, inputs: &[&P
     outputs.into_iter().map(|output| Owner::of_file(output)).collect()
 }
 
-/// Takes a DTM to write, as [`take`] does, with all that lies beside it, and further outputs. From then on a first Ctrl-C only asks to stop.
+/// Takes a DTM to write, as [`take`] does, with all that lies beside it, and further outputs.
 ///
 /// # Errors
 /// As [`take`]; [`Error::Usage`] if the DTM's name is not that of a TIFF.
 pub fn take_dtm(output: &Path, further: &[OutputTarget], inputs: &[&Path]) -> Result<(Owner, Vec<Owner>)> {
     check_dtm(output, further, inputs)?;
-    // A signal must not leave the lock.
-    interrupt::listen();
     let owner = Owner::of_file(output)?;
     Ok((owner, further.iter().map(|target| Owner::of_file(target.path())).collect::<Result<_>>()?))
 }
