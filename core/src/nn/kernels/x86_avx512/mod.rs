@@ -8,8 +8,18 @@
 //!         x = four codes of the pixel, in all lanes  a broadcast load
 //!         sum[p] = vpdpbusd(sum[p], x, w)
 //! ```
-//! A single pixel has several sums instead, each for every fourth group. A panel of 8 channels uses half vectors (AVX-512VL), of which this
-//! hardware processes two at a time.
+//! A single pixel has several sums instead, each for every fourth group. A panel of 8 channels fills half a vector. Two pixels whose patches
+//! overlap fill a whole one:
+//!
+//! ```text
+//! sums of up to 20 pairs of neighbours, 8 channels each, stay in registers
+//! for every row r of the patch and every group g of both patches:
+//!     w = the panel's weights of group g, and of the group that it is for the second pixel; 0 where g is outside a patch
+//!     for every pair:
+//!         x = four codes, in all lanes
+//!         sum[pair] = vpdpbusd(sum[pair], x, w)
+//! ```
+//! So a kernel row of 4 columns takes 5 steps for two pixels, instead of 8 of half vectors (AVX-512VL).
 #![allow(unsafe_code)]
 // Functions that are called instead of inlined would keep the sums in memory, so these are plain loops.
 #![allow(clippy::needless_range_loop)]
@@ -21,8 +31,11 @@ mod softmax;
 use super::layer_norm::Job;
 use super::requantise::{Requantise, Target};
 use super::softmax::Softmax;
-use super::{Accumulators, Isa, Patch};
+use super::{Accumulators, Isa, Patch, pixels_at_once};
 use core::arch::x86_64::*;
+
+/// Most pixels of a panel of 8 channels that are computed together, as 20 pairs.
+const PAIRED: usize = 40;
 
 /// AVX-512 F, BW, DQ, VL, VNNI. With `VBMI` tables of bytes are read from registers.
 #[derive(Default)]
@@ -30,6 +43,14 @@ pub(crate) struct Avx512<const VBMI: bool>;
 
 impl<const VBMI: bool> Isa for Avx512<VBMI> {
     const NAME: &str = if VBMI { "avx512vbmi-u8i8-10x32" } else { "avx512vnni-u8i8-10x32" };
+
+    #[inline(always)]
+    fn block(left: usize, width: usize) -> usize {
+        let most = if width == 8 { PAIRED } else { pixels_at_once(width) };
+        let even = left.div_ceil(left.div_ceil(most).max(1));
+        // Pairs, except for the last pixel of an odd number.
+        if width == 8 { even.next_multiple_of(2).min(left) } else { even }
+    }
 
     #[inline(always)]
     fn gemm(&mut self, acc: &mut Accumulators, pixels: usize, patch: &Patch<'_>, weights: &[u8], width: usize) {
@@ -85,6 +106,7 @@ unsafe fn product<const ADD: bool>(
         return;
     }
     let (mut first, at) = (0, acc.as_mut_ptr());
+    let overlap = patch.stride.is_multiple_of(4) && patch.stride < 4 * patch.groups;
     // SAFETY: the processor has the instructions, and `fits` has bounded every read and write.
     unsafe {
         while first < pixels {
@@ -92,6 +114,7 @@ unsafe fn product<const ADD: bool>(
             first += match width {
                 32 => wide::<ADD>(at.add(32 * first), first, left, patch, weights),
                 16 => single::<ADD>(at.add(16 * first), first, left, patch, weights),
+                _ if overlap && left > 1 => paired::<ADD>(at.add(8 * first), first, left, patch, weights),
                 _ => half::<ADD>(at.add(8 * first), first, left, patch, weights),
             }
         }
@@ -224,6 +247,74 @@ unsafe fn block<V: Sums, const P: usize, const N: usize, const ADD: bool>(
         }
     }
     P
+}
+
+/// Computes as many pairs of neighbouring pixels as are left, up to the number whose sums fit into registers, against a panel of 8 channels;
+/// returns the number of pixels.
+///
+/// # Safety
+/// The processor has AVX-512; [`Patch::fits`]; at least two pixels are left, and the stride is a whole number of groups.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn paired<const ADD: bool>(
+    acc: *mut i32,
+    first: usize,
+    left: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+) -> usize {
+    // SAFETY: guaranteed by the caller.
+    unsafe {
+        match left / 2 {
+            20.. => pairs::<20, ADD>(acc, first, patch, weights),
+            10.. => pairs::<10, ADD>(acc, first, patch, weights),
+            5.. => pairs::<5, ADD>(acc, first, patch, weights),
+            2.. => pairs::<2, ADD>(acc, first, patch, weights),
+            _ => pairs::<1, ADD>(acc, first, patch, weights),
+        }
+    }
+}
+
+/// Computes `P` pairs of neighbouring pixels against a panel of 8 channels.
+///
+/// # Safety
+/// As [`paired`], for `2 * P` pixels.
+#[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
+unsafe fn pairs<const P: usize, const ADD: bool>(
+    acc: *mut i32,
+    first: usize,
+    patch: &Patch<'_>,
+    weights: &[u8],
+) -> usize {
+    let (stride, acc) = (patch.stride, acc.cast::<__m512i>());
+    let mut w = weights.as_ptr().cast::<__m256i>();
+    // SAFETY: `fits` bounds every address below: the second pixel's patch begins `stride` bytes, whole groups, behind the first one's.
+    unsafe {
+        let mut sums = [_mm512_setzero_si512(); P];
+        if ADD {
+            for p in 0..P {
+                sums[p] = acc.add(p).read_unaligned();
+            }
+        }
+        for &start in patch.starts {
+            let mut x = patch.bytes.as_ptr().add(start + first * stride);
+            for g in 0..patch.groups + stride / 4 {
+                let of = |g: usize| if g < patch.groups { w.add(g).read_unaligned() } else { _mm256_setzero_si256() };
+                // A group before the second pixel's first one wraps beyond its last.
+                let second = of(g.wrapping_sub(stride / 4));
+                let panel = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(of(g)), second);
+                for p in 0..P {
+                    let codes = _mm512_set1_epi32(codes(x.add(2 * p * stride)));
+                    sums[p] = _mm512_dpbusd_epi32(sums[p], codes, panel);
+                }
+                x = x.add(4);
+            }
+            w = w.add(patch.groups);
+        }
+        for p in 0..P {
+            acc.add(p).write_unaligned(sums[p]);
+        }
+    }
+    2 * P
 }
 
 /// Computes one pixel against `V` vectors of 16 channels. An instruction waits four cycles for the sum of the one before it. Therefore
