@@ -83,11 +83,10 @@ impl Patch<'_> {
     #[inline(always)]
     pub(crate) fn fits(&self, pixels: usize, weights: &[u8], width: usize) -> bool {
         let last = pixels.saturating_sub(1) * self.stride + 4 * self.groups;
-        let mut inside = pixels * width <= ACCUMULATORS && last <= self.bytes.len();
-        for &start in self.starts {
-            inside &= start <= self.bytes.len() && last <= self.bytes.len() - start;
-        }
-        inside && weights.len() >= 4 * self.starts.len() * self.groups * width
+        let most = self.bytes.len().checked_sub(last);
+        pixels * width <= ACCUMULATORS
+            && most.is_some_and(|most| self.starts.iter().all(|&start| start <= most))
+            && weights.len() >= 4 * self.starts.len() * self.groups * width
     }
 }
 

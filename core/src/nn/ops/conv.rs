@@ -322,7 +322,7 @@ impl<'m> Job<'_, 'm> {
     }
 
     /// Sets `acc` to the products of the patches and their filters, which `lists` may have for both planes; returns the sums of the high
-    /// planes over the pixels.
+    /// planes over the pixels, which only a checked stretch needs.
     #[inline(always)]
     fn products<I: Isa>(
         &self,
@@ -338,7 +338,9 @@ impl<'m> Job<'_, 'm> {
                 Some(list) => list.next(isa, arena, acc, patches.count, self.width, &mut begun),
                 None => self.plane(isa, arena, acc, patches, 1, &mut begun),
             }
-            high = panel_sums(acc, patches.count, self.width);
+            if self.prepared.checked {
+                high = panel_sums(acc, patches.count, self.width);
+            }
             head_mut(acc, patches.count * self.width).iter_mut().for_each(|a| *a = a.wrapping_shl(8));
         }
         match lists.and_then(|lists| lists.first_mut()) {

@@ -12,7 +12,7 @@
 //! overlap fill a whole one:
 //!
 //! ```text
-//! sums of up to 20 pairs of neighbours, 8 channels each, stay in registers
+//! sums of up to 20 pairs, 8 channels each, stay in registers: neighbours, or every second pixel if their patches are half a group apart
 //! for every row r of the patch and every group g of both patches:
 //!     w = the panel's weights of group g, and of the group that it is for the second pixel; 0 where g is outside a patch
 //!     for every pair:
@@ -106,7 +106,9 @@ unsafe fn product<const ADD: bool>(
         return;
     }
     let (mut first, at) = (0, acc.as_mut_ptr());
-    let overlap = patch.stride.is_multiple_of(4) && patch.stride < 4 * patch.groups;
+    // How far apart two pixels are whose patches are whole groups apart, and overlap.
+    let apart = [1, 2].into_iter().find(|apart| (apart * patch.stride).is_multiple_of(4));
+    let apart = apart.filter(|apart| apart * patch.stride < 4 * patch.groups).unwrap_or(0);
     // SAFETY: the processor has the instructions, and `fits` has bounded every read and write.
     unsafe {
         while first < pixels {
@@ -114,7 +116,8 @@ unsafe fn product<const ADD: bool>(
             first += match width {
                 32 => wide::<ADD>(at.add(32 * first), first, left, patch, weights),
                 16 => single::<ADD>(at.add(16 * first), first, left, patch, weights),
-                _ if overlap && left > 1 => paired::<ADD>(at.add(8 * first), first, left, patch, weights),
+                _ if apart == 1 && left >= 2 => paired::<1, ADD>(at.add(8 * first), first, left, patch, weights),
+                _ if apart == 2 && left >= 4 => paired::<2, ADD>(at.add(8 * first), first, left, patch, weights),
                 _ => half::<ADD>(at.add(8 * first), first, left, patch, weights),
             }
         }
@@ -133,12 +136,18 @@ trait Sums: Copy {
     ///
     /// # Safety
     /// The processor has AVX-512.
-    unsafe fn plus(self, codes: Self, weights: Self) -> Self;
+    unsafe fn times(self, codes: Self, weights: Self) -> Self;
+
+    /// Adds lane by lane.
+    ///
+    /// # Safety
+    /// The processor has AVX-512.
+    unsafe fn plus(self, other: Self) -> Self;
 }
 
-/// Implements [`Sums`] by two intrinsics.
+/// Implements [`Sums`] by three intrinsics.
 macro_rules! sums {
-    ($vector:ty, $repeat:ident, $plus:ident) => {
+    ($vector:ty, $repeat:ident, $times:ident, $plus:ident) => {
         impl Sums for $vector {
             #[inline(always)]
             unsafe fn repeat(value: i32) -> Self {
@@ -147,20 +156,26 @@ macro_rules! sums {
             }
 
             #[inline(always)]
-            unsafe fn plus(self, codes: Self, weights: Self) -> Self {
+            unsafe fn times(self, codes: Self, weights: Self) -> Self {
                 // SAFETY: guaranteed by the caller.
-                unsafe { $plus(self, codes, weights) }
+                unsafe { $times(self, codes, weights) }
+            }
+
+            #[inline(always)]
+            unsafe fn plus(self, other: Self) -> Self {
+                // SAFETY: guaranteed by the caller.
+                unsafe { $plus(self, other) }
             }
         }
     };
 }
 
-sums!(__m512i, _mm512_set1_epi32, _mm512_dpbusd_epi32);
-sums!(__m256i, _mm256_set1_epi32, _mm256_dpbusd_epi32);
+sums!(__m512i, _mm512_set1_epi32, _mm512_dpbusd_epi32, _mm512_add_epi32);
+sums!(__m256i, _mm256_set1_epi32, _mm256_dpbusd_epi32, _mm256_add_epi32);
 
 /// Makes a function for panels of some vectors that computes up to `most` pixels together.
 macro_rules! blocks {
-    ($name:ident, $vector:ty, $vectors:literal, $most:literal, [$($count:literal),+], $single:expr) => {
+    ($name:ident, $vector:ty, $vectors:literal, $most:literal, [$($count:literal),+]) => {
         /// Computes as many pixels as are left, up to the number whose sums fit into registers; returns their number.
         ///
         /// # Safety
@@ -170,7 +185,7 @@ macro_rules! blocks {
             // SAFETY: guaranteed by the caller.
             unsafe {
                 match left {
-                    1 => $single(acc, first, patch, weights),
+                    1 => one_pixel::<$vector, $vectors, ADD>(acc, first, patch, weights),
                     $($count => block::<$vector, $count, $vectors, ADD>(acc, first, patch, weights),)+
                     _ => block::<$vector, $most, $vectors, ADD>(acc, first, patch, weights),
                 }
@@ -179,16 +194,9 @@ macro_rules! blocks {
     };
 }
 
-blocks!(wide, __m512i, 2, 10, [2, 3, 4, 5, 6, 7, 8, 9], one_pixel::<2, ADD>);
-blocks!(single, __m512i, 1, 20, [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19], one_pixel::<1, ADD>);
-blocks!(
-    half,
-    __m256i,
-    1,
-    20,
-    [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19],
-    block::<__m256i, 1, 1, ADD>
-);
+blocks!(wide, __m512i, 2, 10, [2, 3, 4, 5, 6, 7, 8, 9]);
+blocks!(single, __m512i, 1, 20, [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19]);
+blocks!(half, __m256i, 1, 20, [2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19]);
 
 /// Reads four codes as one number.
 ///
@@ -233,7 +241,7 @@ unsafe fn block<V: Sums, const P: usize, const N: usize, const ADD: bool>(
                 for p in 0..P {
                     let codes = V::repeat(codes(x.add(p * stride)));
                     for v in 0..N {
-                        sums[p][v] = sums[p][v].plus(codes, panel[v]);
+                        sums[p][v] = sums[p][v].times(codes, panel[v]);
                     }
                 }
                 x = x.add(4);
@@ -249,13 +257,13 @@ unsafe fn block<V: Sums, const P: usize, const N: usize, const ADD: bool>(
     P
 }
 
-/// Computes as many pairs of neighbouring pixels as are left, up to the number whose sums fit into registers, against a panel of 8 channels;
-/// returns the number of pixels.
+/// Computes as many pairs of pixels as are left, up to the number whose sums fit into registers, against a panel of 8 channels; returns the
+/// number of pixels. The pixels of a pair are `APART` pixels apart, 1 or 2.
 ///
 /// # Safety
-/// The processor has AVX-512; [`Patch::fits`]; at least two pixels are left, and the stride is a whole number of groups.
+/// The processor has AVX-512; [`Patch::fits`]; at least `2 * APART` pixels are left, and `APART` strides are whole groups.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn paired<const ADD: bool>(
+unsafe fn paired<const APART: usize, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     left: usize,
@@ -265,45 +273,49 @@ unsafe fn paired<const ADD: bool>(
     // SAFETY: guaranteed by the caller.
     unsafe {
         match left / 2 {
-            20.. => pairs::<20, ADD>(acc, first, patch, weights),
-            10.. => pairs::<10, ADD>(acc, first, patch, weights),
-            5.. => pairs::<5, ADD>(acc, first, patch, weights),
-            2.. => pairs::<2, ADD>(acc, first, patch, weights),
-            _ => pairs::<1, ADD>(acc, first, patch, weights),
+            20.. => pairs::<20, APART, ADD>(acc, first, patch, weights),
+            10.. => pairs::<10, APART, ADD>(acc, first, patch, weights),
+            4.. => pairs::<4, APART, ADD>(acc, first, patch, weights),
+            2.. => pairs::<2, APART, ADD>(acc, first, patch, weights),
+            _ => pairs::<1, APART, ADD>(acc, first, patch, weights),
         }
     }
 }
 
-/// Computes `P` pairs of neighbouring pixels against a panel of 8 channels.
+/// Computes `P` pairs of pixels against a panel of 8 channels.
 ///
 /// # Safety
-/// As [`paired`], for `2 * P` pixels.
+/// As [`paired`], for `2 * P` pixels, with `P` a multiple of `APART`.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn pairs<const P: usize, const ADD: bool>(
+unsafe fn pairs<const P: usize, const APART: usize, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     patch: &Patch<'_>,
     weights: &[u8],
 ) -> usize {
-    let (stride, acc) = (patch.stride, acc.cast::<__m512i>());
+    // Pairs begin at `APART` pixels side by side, then behind the pixels that these pairs contain.
+    let pixel = |pair: usize| pair / APART * 2 * APART + pair % APART;
+    let (stride, acc) = (patch.stride, acc.cast::<__m256i>());
+    let behind = APART * stride / 4;
     let mut w = weights.as_ptr().cast::<__m256i>();
-    // SAFETY: `fits` bounds every address below: the second pixel's patch begins `stride` bytes, whole groups, behind the first one's.
+    // SAFETY: `fits` bounds every address below: the second pixel's patch begins `behind` groups after the first one's.
     unsafe {
         let mut sums = [_mm512_setzero_si512(); P];
         if ADD {
             for p in 0..P {
-                sums[p] = acc.add(p).read_unaligned();
+                let (one, two) = (acc.add(pixel(p)).read_unaligned(), acc.add(pixel(p) + APART).read_unaligned());
+                sums[p] = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(one), two);
             }
         }
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * stride);
-            for g in 0..patch.groups + stride / 4 {
+            for g in 0..patch.groups + behind {
                 let of = |g: usize| if g < patch.groups { w.add(g).read_unaligned() } else { _mm256_setzero_si256() };
-                // A group before the second pixel's first one wraps beyond its last.
-                let second = of(g.wrapping_sub(stride / 4));
+                // Of a group before the second pixel's first one the number wraps, beyond the last.
+                let second = of(g.wrapping_sub(behind));
                 let panel = _mm512_inserti64x4::<1>(_mm512_castsi256_si512(of(g)), second);
                 for p in 0..P {
-                    let codes = _mm512_set1_epi32(codes(x.add(2 * p * stride)));
+                    let codes = _mm512_set1_epi32(codes(x.add(pixel(p) * stride)));
                     sums[p] = _mm512_dpbusd_epi32(sums[p], codes, panel);
                 }
                 x = x.add(4);
@@ -311,59 +323,52 @@ unsafe fn pairs<const P: usize, const ADD: bool>(
             w = w.add(patch.groups);
         }
         for p in 0..P {
-            acc.add(p).write_unaligned(sums[p]);
+            acc.add(pixel(p)).write_unaligned(_mm512_castsi512_si256(sums[p]));
+            acc.add(pixel(p) + APART).write_unaligned(_mm512_extracti64x4_epi64::<1>(sums[p]));
         }
     }
     2 * P
 }
 
-/// Computes one pixel against `V` vectors of 16 channels. An instruction waits four cycles for the sum of the one before it. Therefore
-/// there are four sums, and consecutive groups use them in turn.
+/// Computes one pixel against a panel of `N` vectors. An instruction waits four cycles for the sum of the one before it. Therefore there are
+/// four sums, and consecutive groups of a row use them in turn.
 ///
 /// # Safety
 /// The processor has AVX-512; [`Patch::fits`] for `first + 1` pixels.
 #[target_feature(enable = "avx512f,avx512bw,avx512dq,avx512vl,avx512vnni")]
-unsafe fn one_pixel<const V: usize, const ADD: bool>(
+unsafe fn one_pixel<V: Sums, const N: usize, const ADD: bool>(
     acc: *mut i32,
     first: usize,
     patch: &Patch<'_>,
     weights: &[u8],
 ) -> usize {
     const TURNS: usize = 4;
-    let mut w = weights.as_ptr();
-    let mut sums = [[_mm512_setzero_si512(); V]; TURNS];
+    let (mut w, acc) = (weights.as_ptr().cast::<V>(), acc.cast::<V>());
     // SAFETY: `fits` bounds every address below.
     unsafe {
+        let mut sums = [[V::repeat(0); N]; TURNS];
         for &start in patch.starts {
             let mut x = patch.bytes.as_ptr().add(start + first * patch.stride);
-            for _ in 0..patch.groups / TURNS {
+            let mut left = patch.groups;
+            while left > 0 {
                 for t in 0..TURNS {
-                    let codes = _mm512_set1_epi32(codes(x.add(4 * t)));
-                    for v in 0..V {
-                        let w = _mm512_loadu_si512(w.add(64 * (V * t + v)).cast());
-                        sums[t][v] = _mm512_dpbusd_epi32(sums[t][v], codes, w);
+                    if t < left {
+                        let codes = V::repeat(codes(x.add(4 * t)));
+                        for v in 0..N {
+                            sums[t][v] = sums[t][v].times(codes, w.add(N * t + v).read_unaligned());
+                        }
                     }
                 }
-                x = x.add(4 * TURNS);
-                w = w.add(64 * V * TURNS);
-            }
-            for _ in 0..patch.groups % TURNS {
-                let codes = _mm512_set1_epi32(codes(x));
-                for v in 0..V {
-                    sums[0][v] = _mm512_dpbusd_epi32(sums[0][v], codes, _mm512_loadu_si512(w.add(64 * v).cast()));
-                }
-                x = x.add(4);
-                w = w.add(64 * V);
+                (x, w) = (x.add(4 * left.min(TURNS)), w.add(N * left.min(TURNS)));
+                left -= left.min(TURNS);
             }
         }
-        for v in 0..V {
-            let to = acc.add(16 * v);
-            let pairs = [_mm512_add_epi32(sums[0][v], sums[1][v]), _mm512_add_epi32(sums[2][v], sums[3][v])];
-            let mut sum = _mm512_add_epi32(pairs[0], pairs[1]);
+        for v in 0..N {
+            let mut sum = sums[0][v].plus(sums[1][v]).plus(sums[2][v].plus(sums[3][v]));
             if ADD {
-                sum = _mm512_add_epi32(sum, _mm512_loadu_si512(to.cast()));
+                sum = sum.plus(acc.add(v).read_unaligned());
             }
-            _mm512_storeu_si512(to.cast(), sum);
+            acc.add(v).write_unaligned(sum);
         }
     }
     1
