@@ -18,7 +18,7 @@ def output(*command):
 
 
 def processor():
-    """Its name, and whether it has the instructions that both int8 runtimes want."""
+    """Its name with family and model, which tell processors of one name apart, and whether it has the instructions that both int8 runtimes want."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -26,6 +26,8 @@ def processor():
     about = dict(line.split("\t: ", 1) for line in reversed(lines) if "\t: " in line)
     about = {key.strip(): value for key, value in about.items()}
     name = about.get("model name", platform.machine())
+    if "cpu family" in about:
+        name += f" (family {about['cpu family']}, model {about['model']})"
     flags = about.get("flags", "").split()
     for flag, instructions in (("amx_int8", "AMX"), ("avx512_vnni", "AVX-512 VNNI"), ("avx_vnni", "AVX-VNNI")):
         if flag in flags:
