@@ -163,7 +163,8 @@ fn a_batch_that_is_stopped_or_killed_goes_on() {
     let bench = Bench::new(3, 2400);
     bench.batch(&["--jobs", "2"]);
     let whole: Vec<_> = ["s0", "s1", "s2"].iter().map(|id| bench.dtm(id).unwrap()).collect();
-    for signal in ["-TERM", "-KILL"] {
+    // Begins a batch, and ends it with a signal when its first DTM has rows.
+    let ended_by = |signal: &str| {
         std::fs::remove_dir_all(bench.at("out")).unwrap();
         let mut child = command(bench.folder.path(), &["batch", "--manifest", "m.jsonl"]);
         let child = child.stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
@@ -173,8 +174,17 @@ fn a_batch_that_is_stopped_or_killed_goes_on() {
             std::thread::sleep(Duration::from_millis(2));
         }
         assert!(Command::new("kill").args([signal, &child.id().to_string()]).status().unwrap().success());
-        let out = child.wait_with_output().unwrap();
+        child.wait_with_output().unwrap()
+    };
+    for signal in ["-TERM", "-KILL"] {
+        let mut out = ended_by(signal);
         if signal == "-TERM" {
+            // On a busy machine a DTM may be finished before the signal comes.
+            for _ in 0..9 {
+                if bench.dtm("s0").is_some() {
+                    out = ended_by(signal);
+                }
+            }
             let text = String::from_utf8_lossy(&out.stderr);
             assert!(out.status.code() == Some(75) && text.contains("3 may succeed later"), "{text}");
             assert!(bench.dtm("s0").is_none() && bench.dtm("s2").is_none());
