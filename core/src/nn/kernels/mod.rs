@@ -62,6 +62,13 @@ pub(crate) const fn pixels_at_once(width: usize) -> usize {
     if width == PANEL { 10 } else { 20 }
 }
 
+/// Returns the first of as few nearly equal numbers as there are with `left` as their sum and none above `most`: small numbers of pixels leave
+/// registers unused.
+#[inline(always)]
+pub(crate) fn evenly(left: usize, most: usize) -> usize {
+    left.div_ceil(left.div_ceil(most).max(1))
+}
+
 const _: () = assert!(pixels_at_once(8) * 16 <= BLOCK && pixels_at_once(PANEL) * PANEL <= BLOCK);
 
 /// The codes that one call reads.
@@ -149,10 +156,10 @@ pub(crate) trait Isa: Default {
     /// Whether products of several sources and filters are computed faster by one call ([`Self::products`]).
     const TOGETHER: bool = false;
 
-    /// Returns how many of `left` pixels are computed together: nearly equal numbers, because small ones leave registers unused.
+    /// Returns how many of `left` pixels are computed together.
     #[inline(always)]
     fn block(left: usize, width: usize) -> usize {
-        left.div_ceil(left.div_ceil(pixels_at_once(width)).max(1))
+        evenly(left, pixels_at_once(width))
     }
 
     /// Adds the products of `pixels` patches with one panel of `width` channels (8, 16 or 32). Without [`Patch::fits`] the result is

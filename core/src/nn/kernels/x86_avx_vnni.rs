@@ -13,7 +13,7 @@
 #![allow(clippy::needless_range_loop)]
 
 use super::requantise::{Requantise, Target};
-use super::{Accumulators, Isa, Patch, x86_avx2};
+use super::{Accumulators, Isa, Patch, evenly, x86_avx2};
 use core::arch::x86_64::*;
 
 /// AVX2 and AVX-VNNI.
@@ -77,7 +77,7 @@ unsafe fn product<const ADD: bool>(
             // SAFETY: the processor has the instructions, and `fits` has bounded every read and write.
             first += unsafe {
                 let at = at.add(first * width + channel);
-                let now = left.div_ceil(left.div_ceil(most));
+                let now = evenly(left, most);
                 if vectors == 1 {
                     one_vector::<ADD>(at, first, now, channel, patch, weights, width)
                 } else {

@@ -18,7 +18,7 @@ use super::layer_norm::Job;
 use super::requantise::{Requantise, Target};
 use super::softmax::Softmax;
 use super::x86_avx512::Avx512;
-use super::{Accumulators, Isa, Patch, Product};
+use super::{Accumulators, Isa, Patch, Product, evenly};
 use crate::nn::file::MAX_KERNEL;
 use crate::part::{copy, head_mut};
 use tiles::{MOST_ROWS, Row, Shapes};
@@ -52,7 +52,7 @@ impl Isa for Amx {
     fn block(left: usize, width: usize) -> usize {
         let most = most_pixels(width);
         // Whole tiles as long as they come out even.
-        if left.is_multiple_of(16) { left.min(most) } else { left.div_ceil(left.div_ceil(most).max(1)) }
+        if left.is_multiple_of(16) { left.min(most) } else { evenly(left, most) }
     }
 
     #[inline(always)]

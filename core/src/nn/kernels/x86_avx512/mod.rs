@@ -31,7 +31,7 @@ mod softmax;
 use super::layer_norm::Job;
 use super::requantise::{Requantise, Target};
 use super::softmax::Softmax;
-use super::{Accumulators, Isa, Patch, pixels_at_once};
+use super::{Accumulators, Isa, Patch, evenly, pixels_at_once};
 use core::arch::x86_64::*;
 
 /// Most pixels of a panel of 8 channels that are computed together, as 20 pairs.
@@ -46,10 +46,11 @@ impl<const VBMI: bool> Isa for Avx512<VBMI> {
 
     #[inline(always)]
     fn block(left: usize, width: usize) -> usize {
-        let most = if width == 8 { PAIRED } else { pixels_at_once(width) };
-        let even = left.div_ceil(left.div_ceil(most).max(1));
-        // Pairs, except for the last pixel of an odd number.
-        if width == 8 { even.next_multiple_of(2).min(left) } else { even }
+        match width {
+            // Pairs, except for the last pixel of an odd number.
+            8 => evenly(left, PAIRED).next_multiple_of(2).min(left),
+            _ => evenly(left, pixels_at_once(width)),
+        }
     }
 
     #[inline(always)]
